@@ -6,7 +6,7 @@
 //! threads whose allocations were never refused stay aborts.
 //!
 //! Of memory outside this heap, the count includes what is reported to [`outside`], but not stacks and code. It does not include freed memory
-//! that the C library keeps. `tests/program/memory.rs` checks that the whole process stays within a tenth of the limit.
+//! that the C library keeps. `tests/program/memory.rs` checks that the whole process exceeds the limit by at most a tenth.
 #![allow(unsafe_code, reason = "an allocator, a signal handler and the calls that end a process have no safe form")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -16,16 +16,16 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 /// Size in bytes from which a block is counted at once. Smaller blocks are added up per thread and counted in batches of this size.
 const BATCH: i64 = 64 << 10;
 
-/// Bytes allocated, up to [`BATCH`] per thread.
+/// Bytes counted so far. Each thread may hold up to [`BATCH`] bytes more or less than it has added here; see `OWN`.
 static HELD: AtomicI64 = AtomicI64::new(0);
-/// Most bytes that may be allocated.
+/// Limit of [`HELD`], bytes; `i64::MAX` for none.
 static LIMIT: AtomicI64 = AtomicI64::new(i64::MAX);
 
-/// Environment variable with which a test makes the allocator refuse one large block: the block's number, from 0. Nothing else sets it.
+/// Environment variable with which a test makes the allocator refuse one large block: the block's number, from 0. Only tests set it.
 const REFUSE_AT_VARIABLE: &str = "CURITIBA_TEST_REFUSE_BLOCK";
 /// Number of the large block that is refused; `u64::MAX` for none.
 static REFUSE_AT: AtomicU64 = AtomicU64::new(u64::MAX);
-/// Number of large blocks asked for since [`REFUSE_AT`] was set.
+/// Number of requests for large blocks, for growth of large blocks, and by [`outside`], since [`REFUSE_AT`] was set.
 static LARGE_BLOCKS: AtomicU64 = AtomicU64::new(0);
 
 thread_local! {
@@ -47,25 +47,25 @@ enum Refused {
 /// The system's allocator with counting and a limit.
 pub struct Counting;
 
-/// Sets the limit from now on. Small blocks may exceed it by a sixteenth, so that an error can still be reported.
+/// Sets the limit from now on. Small blocks may exceed it by a sixteenth and [`BATCH`] bytes, so that an error can still be reported.
 pub fn limit(bytes: u64) {
     LIMIT.store(i64::try_from(bytes).unwrap_or(i64::MAX), Ordering::Relaxed);
 }
 
-/// Refuses one large block, if the environment says which; see [`REFUSE_AT_VARIABLE`].
+/// From now on the block that [`REFUSE_AT_VARIABLE`] names is refused; none if the variable is not set.
 pub fn refuse_as_the_environment_says() {
     let number = std::env::var(REFUSE_AT_VARIABLE).ok().and_then(|number| number.parse().ok());
     REFUSE_AT.store(number.unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
-/// Counts a large block if a test has one refused; returns whether this is the block to refuse.
+/// Returns whether a test refuses this large block. Large blocks are counted only if a test refuses one of them.
 fn a_test_refuses() -> bool {
     let at = REFUSE_AT.load(Ordering::Relaxed);
     if at == u64::MAX || LARGE_BLOCKS.fetch_add(1, Ordering::Relaxed) != at {
         return false;
     }
     REFUSED.set(Refused::ByTest);
-    // Tells the test that there was such a block.
+    // Tells the test that a block with the requested number was reached.
     write_error(b"a test refuses memory\n");
     true
 }
@@ -190,8 +190,8 @@ unsafe impl GlobalAlloc for Counting {
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         let (old, grown) = (layout.size(), size.saturating_sub(layout.size()));
-        // A large block is remapped and never exists twice, so only its growth is counted. A block that grows from small to large
-        // is counted as both for a moment.
+        // Of a large block only the growth is counted: the C library is expected to remap it without a copy. A block that grows from small
+        // to large is counted as both for a moment.
         let both_large = old.min(size) as i64 >= BATCH;
         if !(if both_large { take_large(grown) } else { take(size) }) {
             return std::ptr::null_mut();
@@ -219,7 +219,7 @@ pub fn end_with_an_error() {
     unsafe { libc::signal(libc::SIGABRT, on_abort as *const () as libc::sighandler_t) };
 }
 
-/// On other systems such a process ends with the message of the standard library.
+/// On other systems a process that aborts after a refused allocation ends with the message of the standard library.
 #[cfg(not(unix))]
 pub fn end_with_an_error() {}
 

@@ -79,7 +79,7 @@ pub struct Side {
     pub channels: [String; 4],
     /// Largest integer of a PNG's channels; `None` for floats.
     pub steps: Option<u32>,
-    /// Colour space before conversion to that of the other side; `None` for an EXR file that does not say.
+    /// Colour space before conversion to [`Compared::space`]; `None` for an EXR file that does not say.
     pub space: Option<ColorSpace>,
     /// Variance of the mean, if known.
     pub variance: Option<Variance>,
@@ -90,8 +90,8 @@ pub struct Side {
 /// Details of a rendered picture.
 #[derive(Debug, Clone, Serialize)]
 pub struct Rendered {
-    /// Median host time of a frame in milliseconds, without loading and building, and without warm-up; `curitiba bench` measures
-    /// properly.
+    /// Median host time of a frame in milliseconds, without loading and building. No frames of warm-up come before; `curitiba bench`
+    /// measures properly.
     pub frame_ms: f64,
     /// Number of frames rendered: one for each seed.
     pub frames: u32,
@@ -125,7 +125,7 @@ pub struct Compared {
     pub z_test: Option<ZTest>,
     /// FLIP error of every pixel.
     pub flip: ErrorMap,
-    /// Colour space of the comparison, to which both sides are converted: linear if either of them is linear radiance.
+    /// Colour space of the comparison, to which both sides are converted: linear if they hold colours and either is linear radiance.
     pub space: ColorSpace,
     /// Notes for the reader about these two pictures.
     pub notes: Vec<String>,
@@ -179,7 +179,7 @@ pub fn compare(
     Ok(Compared { test, reference, comparison, z_test, flip, space, notes })
 }
 
-/// The colour space of the comparison: linear radiance if either side says that it is, otherwise display values.
+/// The colour space of the comparison: linear if both sides hold colours, and either says that it is linear radiance.
 fn common_space(test: &Side, reference: &Side) -> ColorSpace {
     let linear = |side: &Side| side.space == Some(ColorSpace::Linear);
     let colors = test.channels[0] == "R" || test.channels[0] == "Y";
@@ -208,7 +208,7 @@ fn in_space(mut side: Side, space: ColorSpace) -> Side {
     side
 }
 
-/// A note about the conversion of colours, if there was one.
+/// Notes about the colours of a comparison of linear radiance; none for other comparisons.
 fn note_of_space(test: &Side, reference: &Side, space: ColorSpace) -> Vec<String> {
     let sides = [test, reference];
     let coded = sides.into_iter().filter(|side| side.space == Some(ColorSpace::Report));

@@ -30,11 +30,11 @@ pub const LIMITS: [Limit; 5] = [
 pub struct Limit {
     /// The backend that it applies to.
     pub backend: &'static str,
-    /// Whether it applies to `final` in thesis fidelity.
+    /// Whether it applies to `final` in thesis fidelity alone. Other limits do not apply to that, except those of `cuda`.
     pub noise_at_hits: bool,
     /// Difference in any component that a pixel may have.
     pub difference: f32,
-    /// Share of pixels that may differ by more.
+    /// Share of pixels that may differ by more than [`Self::difference`].
     pub share: f64,
 }
 
@@ -70,7 +70,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether the share of differing pixels is within a limit.
+    /// Whether at most the limit's share of pixels differs by more than the limit's difference, which must be 1e-5 or 1e-2.
     #[must_use]
     pub fn is_within(&self, limit: &Limit) -> bool {
         let above = if limit.difference > 1e-3 { self.above_1e_2 } else { self.above_1e_5 };
@@ -107,9 +107,9 @@ pub struct Record {
     pub cpu_rays: Option<RayCounts>,
     /// Millions of rays per second of device time.
     pub mrays_per_second: f64,
-    /// Comparison with the processor's picture.
+    /// Comparison with the processor's picture; `None` if the processor's run was skipped.
     pub comparison: Option<Comparison>,
-    /// Whether the comparison is within [`LIMITS`].
+    /// Whether the comparison is within [`LIMITS`]; true without a comparison.
     pub within_limits: bool,
 }
 

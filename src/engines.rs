@@ -133,7 +133,7 @@ impl Choice {
         self.adapter.map_or(otherwise, AdapterChoice::Nth)
     }
 
-    /// Name of the chosen device of `wgpu`; `None` if no engine of this choice can use it.
+    /// Name of the chosen device of `wgpu`; `None` if none is chosen, it does not exist, or no engine of this choice can use it.
     #[must_use]
     pub fn adapter_name(self) -> Option<&'static str> {
         static ADAPTERS: OnceLock<Vec<AdapterSummary>> = OnceLock::new();
@@ -161,10 +161,10 @@ impl Choice {
         }
     }
 
-    /// The choice for a plan. If `auto` chooses the ray backend, and a pass asks for glass features beyond the report's panes
-    /// or a filter, the processor becomes a fallback; a message says so when it takes over.
+    /// The choice for a plan. The processor becomes a fallback if `auto` chooses the ray backend, the user named no fallbacks, and a pass
+    /// asks for a filter, or for features of glass beyond the report's panes. A message says so when it takes over.
     ///
-    /// If `auto` chooses the rasteriser, and a pass draws with own shaders, the rasteriser is wgpu on any adapter.
+    /// If `auto` chooses the rasteriser, and a pass draws with shaders of the project, the rasteriser is wgpu on any adapter.
     #[must_use]
     pub fn for_plan(self, plan: &Plan) -> Self {
         let own = self.raster == RasterChoice::Auto && plan.passes.iter().any(|planned| plan.draws_own(planned));
@@ -200,7 +200,7 @@ impl Choice {
 /// Makes the engines. [`Engines::raster`] tells what `auto` chose.
 ///
 /// # Errors
-/// If an engine named by the user is not available, and no fallback is allowed.
+/// If the rasteriser that the user named, or its device, is not available; or the ray backend, and no fallback is.
 pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
     let (raster, rays, own) = parts(choice)?;
     Ok(Engines::first_of(raster, rays)?.with_own(own))
@@ -282,7 +282,7 @@ pub fn ray_backend(choice: Choice) -> Result<Box<dyn RayBackend>, BackendError> 
 fn ray_backend_on(choice: Choice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
     match choice.backend {
         BackendChoice::Auto => match cuda(choice) {
-            // A user who asks for several GPUs does not want the processor.
+            // A user who asks for several GPUs wants neither wgpu nor the processor.
             Err(error) if choice.gpus != Gpus::default() => Err(error),
             Err(_) => Ok(match wgpu(choice.device(AdapterChoice::RealGpu), device) {
                 Err(error) if choice.adapter.is_some() => return Err(error),

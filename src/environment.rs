@@ -99,7 +99,7 @@ impl Environment {
         environment
     }
 
-    /// The load average if it is above a quarter of the threads: other programs then disturb the timings.
+    /// The load average if it is above a quarter of the threads: other programs then disturb the timings. `None` if it is not.
     #[must_use]
     pub fn busy(&self) -> Option<f64> {
         self.load_average.filter(|load| *load > self.threads as f64 * 0.25)
@@ -140,7 +140,7 @@ impl Environment {
         Some(format!("{what}: `{a}` here, `{b}` there"))
     }
 
-    /// The first field in which the build of `other` differs: name, value here, value there.
+    /// The first field in which the build of `other` differs: its name, the value here, and that in `other`; `None` for equal builds.
     #[must_use]
     pub fn build_differs_from(&self, other: &Self) -> Option<(&'static str, String, String)> {
         first_difference([
@@ -162,7 +162,7 @@ impl Environment {
             .or_else(|| first_difference([("host", here, there)]))
     }
 
-    /// Whether both are the same machine, by processor, threads, graphics devices, drivers and name.
+    /// Whether both are the same machine, by platform, processor, threads, graphics devices, drivers and name.
     #[must_use]
     pub fn same_machine(&self, other: &Self) -> bool {
         self.machine_differs_from(other).is_none() && (&self.gpu, &self.driver) == (&other.gpu, &other.driver)

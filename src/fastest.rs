@@ -41,7 +41,7 @@ pub struct Fastest {
     /// The file that the measurement was read from; `None` if it was made now.
     #[serde(skip)]
     pub read_from: Option<PathBuf>,
-    /// Why the measurement could not be stored, if so.
+    /// Why the measurement could not be stored; `None` if it is.
     #[serde(skip)]
     pub not_kept: Option<String>,
 }
@@ -117,7 +117,7 @@ fn look_up(choice: Choice, record: &Path) -> Fastest {
     found
 }
 
-/// The stored measurement, if its conditions hold.
+/// The stored measurement; `None` if there is none that can be read, or it was made under other conditions than `holds_for`.
 fn read(path: &Path, holds_for: &[String]) -> Option<Fastest> {
     let bytes = files::read_if_there(path, MOST_BYTES).ok()??;
     let kept: Fastest = serde_json::from_slice(&bytes).ok()?;

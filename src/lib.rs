@@ -69,7 +69,7 @@ pub enum OpenError {
     /// A scene file is in error, or the file is neither a scene nor a project.
     #[error(transparent)]
     Source(#[from] SceneError),
-    /// Options do not fit what is opened.
+    /// Options for scene files were given for a project, a project was named with other files, or options do not fit the scene.
     #[error("{0}")]
     Option(String),
     /// The settings do not fit the project.

@@ -99,8 +99,8 @@ impl Request {
     /// The requested shard. `variable` looks up an environment variable of the process.
     ///
     /// # Errors
-    /// For `auto`: if there is no scheduler, if two of them disagree, if the scheduler does not give the number of tasks (use
-    /// `auto/N` then), or if a variable is no number.
+    /// For `auto`: if there is no scheduler, if variables of several schedulers are set, if the scheduler does not give the number of
+    /// tasks (use `auto/N` then), or if a variable is no number.
     pub fn resolve(self, variable: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
         let count = match self {
             Self::Named(shard) => return Ok(shard),
@@ -137,7 +137,7 @@ impl Request {
             }
         };
         match (count, task.place) {
-            // N consecutive indices are all N shards, whatever index the array starts at.
+            // N consecutive indices of an array give each of the N shards once, whatever index the array starts at.
             (Some(count), _) => Ok(Shard { index: (task.index % count + count - 1) % count, count }),
             (None, Some(place)) => Ok(place),
             (None, None) => Err(format!(
@@ -150,7 +150,7 @@ impl Request {
 
 /// The tasks that environment variables describe.
 fn tasks(variable: &impl Fn(&str) -> Option<String>) -> Result<Vec<Task>, String> {
-    // Schedulers set variables that do not apply to an empty value or to `undefined`.
+    // Where a variable does not apply, schedulers give it an empty value or `undefined`.
     let set = |name: &str| variable(name).filter(|value| !value.is_empty() && value != "undefined");
     let number = |name: &str| match set(name) {
         None => Ok(None),
@@ -177,7 +177,7 @@ fn tasks(variable: &impl Fn(&str) -> Option<String>) -> Result<Vec<Task>, String
     Ok(tasks)
 }
 
-/// Place of an index in an array; `None` if the array has gaps, such as after some of its tasks were submitted again.
+/// Place of an index in an array. `None` if a value is missing, or the array has gaps, such as when only some of its tasks run again.
 fn place(index: u64, first: Option<u64>, last: Option<u64>, step: Option<u64>, count: Option<u64>) -> Option<Shard> {
     let (first, last, step) = (first?, last?, step.filter(|step| *step > 0)?);
     let tasks = last.checked_sub(first)? / step + 1;
@@ -285,7 +285,7 @@ mod tests {
         // Only tasks 1, 5 and 7.
         fails("auto", &slurm("5", "7", "3"), &["leave gaps"]);
         assert_eq!(resolved("auto", &slurm("5", "8", "8")), Ok(Shard { index: 4, count: 8 }));
-        // Outside arrays schedulers set these variables to an empty value or to `undefined`.
+        // Outside arrays, schedulers give these variables an empty value or `undefined`.
         assert_eq!(
             resolved("auto/4", &[of("SGE_TASK_ID", "undefined"), of("HQ_TASK_ID", ""), of("PARALLEL_SEQ", "4")]),
             Ok(Shard { index: 3, count: 4 })

@@ -204,7 +204,8 @@ fn named<T: Copy>(key: &str, value: &str, valid: &[(&str, T)]) -> Result<T, (boo
     })
 }
 
-/// Splits at the first `@` after `.xml` or a scene extension, since names of folders may contain `@`; otherwise at the last `@`.
+/// Splits at the first `@` that follows `.xml` or a scene extension, since names of folders may contain `@`; otherwise at the last `@`. A text
+/// that ends with such an extension, or names a folder, is not split.
 fn split(text: &str) -> (&str, Option<&str>) {
     let lower = text.to_ascii_lowercase();
     let extensions = || ["xml"].into_iter().chain(SCENE_EXTENSIONS).map(|extension| format!(".{extension}"));

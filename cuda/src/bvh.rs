@@ -41,7 +41,8 @@ enum Dealt {
 struct Stage {
     entry: &'static str,
     dealt: Dealt,
-    /// Whether the stage settles occlusion rays by the triangles near their points, or traces the rest. Skipped where points have few rays.
+    /// True for a stage that settles occlusion rays by the triangles near their points, and for the one that traces the other rays. Both are
+    /// skipped where points have few rays.
     settles: bool,
 }
 
@@ -83,17 +84,17 @@ const FEW_SAMPLES: u32 = 6;
 /// pixel whose surfaces find no room is computed by one thread from beginning to end.
 const SURFACES_PER_PIXEL: u64 = 4;
 
-/// Greatest number of entries where paths split into ways; together 512 MiB. Where no path splits, only very wide pictures have more entries.
+/// Greatest number of entries in the list of surfaces where paths split into ways: 512 MiB. Only a launch of more than 2^21 pixels has more.
 const SURFACES_OF_WAYS: u64 = 1 << 23;
 
 /// Device memory of a triangle in the tree, in bytes: three vectors of four numbers.
 const BYTES_OF_TRIANGLE: u64 = 48;
 
-/// Threshold for short lists: the number of triangles within the radius of a point, estimated as if all lay on one surface through the
-/// whole scene.
+/// Lists of nearby triangles are kept shorter if more triangles than this lie within the radius of a point. Their number is estimated as if
+/// all triangles lay on one surface through the whole scene.
 const TOO_MANY_WITHIN: f32 = 2000.0;
 
-/// Entries of the list are taken by whole warps.
+/// Number of threads in a warp. Whole warps take entries of the list of surfaces.
 const WARP: u32 = 32;
 
 /// Number of progress counters: `Progress` in `programs/count_open.cuh`.
@@ -110,7 +111,7 @@ struct Kernel {
     lighting: Lighting,
     /// Whether the kernels support exact spheres.
     spheres: bool,
-    /// Kernel that finds the bodies that contain the camera.
+    /// Kernel that finds the bodies that contain the camera; `None` in variants without bodies.
     find_eye: Option<CudaFunction>,
     /// Kernels that run before the one that writes the picture.
     stages: Vec<(Stage, CudaFunction)>,
@@ -174,7 +175,7 @@ pub struct BvhTracer {
     first_surface: Buffer<u32>,
     progress: Buffer<u32>,
     settled: Buffer<u32>,
-    /// Number of entries in the list of surfaces; `None` for the number that follows from [`SURFACES_PER_PIXEL`] and the size of the launch.
+    /// Number of entries in the list of surfaces; `None` for the number that follows from the size of the launch ([`SURFACES_PER_PIXEL`]).
     room: Option<u64>,
 }
 
@@ -192,8 +193,8 @@ impl Kernel {
 }
 
 impl BvhTracer {
-    /// Limits the list of surfaces of `final` to `room` entries, whatever the size of the picture. Pictures do not depend on it: pixels
-    /// whose surfaces find no room are computed without the list.
+    /// Limits the list of surfaces of `final` to `room` entries, rounded up to whole warps, whatever the size of the picture. Pictures do not
+    /// depend on the limit: pixels whose surfaces find no room are computed without the list.
     pub fn limit_surfaces(&mut self, room: u64) {
         self.room = Some(room);
     }
@@ -215,7 +216,7 @@ impl BvhTracer {
     /// Copies the launch parameters to the device with the sky's tree in place of `ground`, and puts the address of that copy into `params`.
     fn fill_sky(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let Some(sky) = &self.sky else { return Ok(()) };
-        // Exact spheres are no part of a sky.
+        // No exact sphere is part of a sky, so the address of the spheres is 0.
         let mut own = Params { sky: 0, handle: 0, ..*params };
         sky.fill(device, &mut own);
         device.replace("the parameters of the sky", &mut self.params_of_sky, &[own])?;
@@ -223,8 +224,8 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Limits on the lengths of lists of nearby triangles, for the parts of the radius. Measured on an H100: long lists pay, except where
-    /// far too many triangles are in reach for any list.
+    /// Greatest lengths of lists of nearby triangles, for each part of the radius. Measured on an H100: long lists pay, except where far
+    /// more triangles lie within the radius than any list can hold.
     fn listed(&self, radius: f32) -> [u32; REACHES as usize - 1] {
         let [low, high] = self.ground.bounds.map(Vec3::from_array);
         let triangles = (self.ground.leaves.bytes() / BYTES_OF_TRIANGLE) as f32;

@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 /// An address in device memory; 0 means none.
 pub type Address = u64;
 
-/// The oldest driver interface that accepts our PTX: version 9.0, of CUDA 13.0.
+/// The oldest driver interface that accepts our PTX, which has version 9.0: that of CUDA 13.0.
 const LEAST_DRIVER: i32 = 13_000;
 /// The first driver release with that interface.
 const LEAST_RELEASE: u32 = 580;
@@ -114,7 +114,7 @@ impl Device {
     /// Makes the device current for this thread.
     ///
     /// # Errors
-    /// If the device was lost.
+    /// If the device was lost or cannot be used.
     pub fn bind(&self) -> Result<(), BackendError> {
         if self.lost.get().is_some() {
             return Err(self.lost_before("using the GPU"));
@@ -234,7 +234,8 @@ impl Device {
         self.stream.memset_zeros(slice).map_err(|error| self.fault(&format!("clearing {what}"), &error))
     }
 
-    /// Copies `parts` of values to the same places in a buffer that has room for all values; the rest of the buffer has no meaning.
+    /// Copies the ranges `parts` of `values` to the same indices of a buffer, which is enlarged to hold all values if necessary; values
+    /// outside the ranges have no meaning.
     ///
     /// # Errors
     /// As [`Self::upload`].
@@ -302,7 +303,7 @@ impl<T: DeviceRepr> Buffer<T> {
         self.0.as_ref().map_or(0, |slice| slice.device_ptr(&device.stream).0)
     }
 
-    /// Size in bytes.
+    /// Size in bytes; 0 if the buffer is empty.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.0.as_ref().map_or(0, |slice| slice.num_bytes() as u64)

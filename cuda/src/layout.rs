@@ -134,7 +134,7 @@ shared_structs! {
         reflections: u32 = "unsigned",
         /// With [`WAYS_CUT`]: most refractions on a path.
         refractions: u32 = "unsigned",
-        /// With [`WAYS_ROULETTE`]: key of the random numbers, which differ from those of the pixel's other samples.
+        /// With [`WAYS_ROULETTE`]: key of the random numbers; it differs from one sample of a pixel to the next.
         chances: u32 = "unsigned",
         /// Fills the struct up to its alignment.
         unused: u32 = "unsigned",
@@ -150,9 +150,9 @@ shared_structs! {
         direction: [f32; 3] = "float[3]",
         /// Distance at which a light with a position ends; infinite if it does not end.
         range: f32 = "float",
-        /// Linear colour, where the attenuation is 1.
+        /// Linear colour of the light before attenuation, range and cone.
         color: [f32; 3] = "float[3]",
-        /// With [`LIGHT_CONE`]: power of the cosine that multiplies the light.
+        /// With [`LIGHT_CONE`]: the light is multiplied by the cosine of the angle to the axis, raised to this power.
         exponent: f32 = "float",
         /// Constant, linear and quadratic coefficients: at distance d, light with a position is divided by c0 + c1 d + c2 d².
         attenuation: [f32; 3] = "float[3]",
@@ -224,7 +224,7 @@ shared_structs! {
 
     /// The parameters of a launch. Addresses of data that the program does not read are 0.
     struct Params {
-        /// For each pixel: world position, and cosine of the light.
+        /// For each pixel: world position, and the cosine by which the light is multiplied.
         position: Address = "const float4 *",
         /// Shading normal of each pixel.
         normal: Address = "const float4 *",
@@ -259,11 +259,11 @@ shared_structs! {
         /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then sample numbers in neighbouring order
         /// (`sobol_table.rs`).
         sobol: Address = "const uint2 *",
-        /// For each number of open rays: the open share to the power of the intensity.
+        /// For each number of unoccluded occlusion rays: their share, to the power of the intensity.
         open_share: Address = "const float *",
         /// For each number of glass surfaces crossed: the share of the light that is left.
         through_glass: Address = "const float *",
-        /// Ray counts: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`] sums, then [`EXCEPTION_SLOT`].
+        /// Ray counts: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`] sums, then the exception code, at [`EXCEPTION_SLOT`].
         ray_counts: Address = "unsigned long long *",
         /// Nodes of our tree, eight vectors each.
         nodes: Address = "const uint4 *",
@@ -271,14 +271,14 @@ shared_structs! {
         leaves: Address = "const float4 *",
         /// For `final` on our own traversal: the list of surfaces, [`SURFACE_BYTES`] each.
         surfaces: Address = "float4 *",
-        /// For each pixel, the index of its first surface in the list.
+        /// For `final` on our own traversal: for each pixel, the index of its first surface in `surfaces`.
         first_surface: Address = "unsigned *",
         /// Progress counters of the kernels: surfaces found, and how far each kernel has come.
         progress: Address = "unsigned *",
         /// What is known of occlusion rays before any is traced, [`SETTLED_BYTES`] for each pixel or, in `final`, for each listed surface; 0 where
         /// rays are not settled.
         settled: Address = "uint4 *",
-        /// Number of surfaces that the list has room for.
+        /// Number of surfaces for which `surfaces` has room.
         capacity: u64 = "unsigned long long",
         /// Handle of the acceleration structure that OptiX built. On our own traversal, in scenes with exact spheres, the address of
         /// [`Spheres`].
@@ -305,11 +305,11 @@ shared_structs! {
         seed: u32 = "unsigned",
         /// Number of occlusion rays a point; 0 switches occlusion off.
         samples: u32 = "unsigned",
-        /// Number of strata along a side; 0 selects Sobol points.
+        /// Number of strata along each side of the unit square of occlusion samples; 0 selects Sobol points.
         strata: u32 = "unsigned",
         /// Greatest number of glass bounces, at most [`MAX_DEPTH`].
         depth: u32 = "unsigned",
-        /// 1 if any material has cut-outs, else 0.
+        /// 1 if any material has cut-outs, in corrected fidelity; else 0.
         cut: u32 = "unsigned",
         /// Length of occlusion rays.
         radius: f32 = "float",
@@ -321,11 +321,11 @@ shared_structs! {
         to_light: [f32; 3] = "float[3]",
         /// The light's colour.
         light_color: [f32; 3] = "float[3]",
-        /// Low corner of the bounds of all triangles.
+        /// Low corner of the bounds of our tree's triangles.
         scene_low: [f32; 3] = "float[3]",
-        /// High corner of the bounds of all triangles.
+        /// High corner of the bounds of our tree's triangles.
         scene_high: [f32; 3] = "float[3]",
-        /// Colour of rays that leave the scene through glass or from a mirror.
+        /// Colour of rays that leave the scene after glass or a mirror.
         beyond: [f32; 3] = "float[3]",
         /// Flags: [`ASKS_STRAIGHT`], [`ASKS_EYE`].
         asks: u32 = "unsigned",
@@ -348,7 +348,7 @@ shared_structs! {
         segment_count: u64 = "unsigned long long",
         /// The lights of a pass with several lights, a light with a position or a disc light; 0 where there is one directional light without a disc.
         lights: Address = "const Light *",
-        /// For each material, three numbers: its emission, which is added to these lights.
+        /// For each material, three numbers: its emission, which is added to the light from `lights`.
         emissions: Address = "const float *",
         /// Number of lights.
         light_count: u32 = "unsigned",
@@ -357,9 +357,9 @@ shared_structs! {
         in_shadow: f32 = "float",
         /// Points of the unit square for the discs of directional lights, bits reversed; 0 where these lights have no disc.
         disc: Address = "const uint2 *",
-        /// Number of these points.
+        /// Number of points in `disc`.
         disc_samples: u32 = "unsigned",
-        /// Height of the cap that a disc is on the sphere of directions.
+        /// Height of the spherical cap that a disc covers on the unit sphere of directions.
         disc_height: f32 = "float",
         /// On our own traversal: address of a copy of these parameters with the tree of the sky as its tree; 0 without a sky.
         sky: Address = "const Params *",
@@ -416,7 +416,7 @@ pub const SHADE_GLOW: u32 = 8;
 pub const SHADE_VERTEX_COLORS: u32 = 16;
 /// A normal map bends the material's shading normals.
 pub const SHADE_NORMAL_MAP: u32 = 32;
-/// The material is a sky, which shows as it is.
+/// The material is a sky, whose colour is shown without lighting.
 pub const SHADE_SKY: u32 = 64;
 /// Light passes glass in a straight line, attenuated as each material defines. If unset, each glass surface dims it by the same factor.
 pub const ASKS_STRAIGHT: u32 = 1;
@@ -438,7 +438,7 @@ pub const VERTEX_COLORS_LINEAR: u32 = 1;
 pub const VERTEX_COLORS_DISPLAY: u32 = 2;
 /// Paths are cut off below a share of the pixel's colour, or after a number of reflections or refractions.
 pub const WAYS_CUT: u32 = 1;
-/// A path below that share continues at random, by Russian roulette.
+/// A path below the share [`Ways::cutoff`] continues at random, by Russian roulette.
 pub const WAYS_ROULETTE: u32 = 2;
 /// Paths that are cut off show the background; if unset, black.
 pub const WAYS_BACKGROUND: u32 = 4;
@@ -470,11 +470,11 @@ pub const REACHES: u32 = 3;
 pub const LISTED: u32 = 768;
 /// Number of slots over which ray counts are spread, so that atomics rarely collide.
 pub const RAY_COUNT_SLOTS: u32 = 1024;
-/// Kinds of counts: shadow, occlusion, reflected and refracted rays; occlusion rays skipped because they certainly miss; paths lost in glass.
+/// Number of kinds of counts: shadow, occlusion, reflected and refracted rays; occlusion rays skipped as certain misses; paths lost in glass.
 pub const RAY_COUNT_KINDS: u32 = 6;
-/// Index, behind the counts, at which OptiX's exception program writes its code; 0 if there was no exception.
+/// Index, behind the ray counts, at which OptiX's exception program writes its code; the value there is 0 without an exception.
 pub const EXCEPTION_SLOT: u32 = RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
-/// Ray types of OptiX's programs: radiance (`Phong` in project files) and shadow.
+/// Number of ray types of OptiX's programs: radiance (`Phong` in project files) and shadow.
 pub const RAY_TYPES: u32 = 2;
 /// Number of payload values of a ray in OptiX.
 pub const PAYLOADS: u32 = 6;

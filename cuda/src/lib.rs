@@ -4,7 +4,7 @@
 //! in the driver. Both need only NVIDIA's driver, and look for it when they are made, so a program with this crate starts on every machine.
 //!
 //! Results are those of the processor backend, whose module [`curitiba_passes::effects`] describes them: random numbers are equal bit for
-//! bit, and with our own tracer so are hits.
+//! bit, and with `cuda` hits are, too.
 
 pub mod bvh;
 pub mod device;

@@ -21,14 +21,14 @@ use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 use std::sync::Arc;
 
-/// Our own traversal, compiled to kernels.
+/// The ray backend `cuda`: kernels with our own traversal.
 pub type CudaRays = DeviceRays<crate::bvh::BvhTracer>;
 
-/// NVIDIA's OptiX, from the driver.
+/// The ray backend `optix`: NVIDIA's OptiX, from the driver.
 pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
 
-/// Number of stripes of a picture for each of several GPUs: many, so that no GPU gets all expensive rows, but few, since each stripe is
-/// copied separately.
+/// Greatest number of stripes of a picture for each of several GPUs: enough that no GPU gets all expensive rows, but few, since each stripe
+/// is copied separately.
 const STRIPES: u32 = 16;
 
 /// A ray backend on one GPU or several.
@@ -44,7 +44,7 @@ impl<T: DeviceTracer> DeviceRays<T> {
     /// A backend on the first GPU, without a structure.
     ///
     /// # Errors
-    /// If there is no driver, the driver is too old, or there is no GPU; the message says which, and what to do.
+    /// If driver, GPU or OptiX (for [`OptixRays`]) is missing, or driver or GPU is too old; the message says which, and what to do.
     pub fn new() -> Result<Self, BackendError> {
         Self::on(&[0])
     }
@@ -60,12 +60,12 @@ impl<T: DeviceTracer> DeviceRays<T> {
         Ok(Self { gpus: ordinals.iter().map(open).collect::<Result<_, _>>()?, owner: 0 })
     }
 
-    /// Index of the first GPU with that UUID.
+    /// Index of the first GPU with that UUID, on which the rasteriser draws; `None` if no GPU here has it.
     fn drawn_on(&self, device: DeviceUuid) -> Option<usize> {
         self.gpus.iter().position(|gpu| shared_gbuffer::is_on(&gpu.device, device))
     }
 
-    /// Runs `work` on every GPU, each on its own thread with its own share, and returns the results, or the first error.
+    /// Runs `work` on every GPU with its own share, and returns the results, or the first error. Several GPUs run on a thread each.
     fn on_each<S: Send, R: Send>(
         &mut self,
         shares: Vec<S>,

@@ -3,14 +3,14 @@
 use bytemuck::{Pod, Zeroable};
 use curitiba_passes::trace::gpu_tree::DeviceNode;
 
-/// Children of a node.
+/// Number of children of a node.
 const CHILDREN: usize = 8;
 
 /// A node of eight children: 128 bytes, one cache line.
 ///
 /// As [`DeviceNode`], except that quantised planes are 16-bit floats here: a kernel converts half a register to an `f32` in one
 /// instruction, on a pipe with spare capacity. Bytes would have to be extracted first, on the pipe that limits traversal. All 256 values
-/// are exact.
+/// of a byte are exact as 16-bit floats.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub(crate) struct WideNode {

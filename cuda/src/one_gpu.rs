@@ -36,7 +36,7 @@ pub trait DeviceTracer: Sized + Send {
     const NAME: &'static str;
     /// Whether its programs support exact spheres.
     const SPHERES: bool;
-    /// Approximate host and device memory a triangle takes in the structure and while it is built, in bytes.
+    /// Approximate host and device memory that a triangle takes, in the structure and during its build together, in bytes.
     const BYTES_PER_TRIANGLE: u64;
     /// What the processor computes from a scene, once for all GPUs.
     type Prepared: Sync;
@@ -79,7 +79,7 @@ pub trait DeviceTracer: Sized + Send {
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError>;
 }
 
-/// Greatest number of launches in flight: enough that the device never waits for the host.
+/// Greatest number of launches in flight: enough that the device need not wait for the host between two of them.
 const LAUNCHES_AHEAD: usize = 3;
 
 /// The message for a code that the exception program reported.
@@ -93,7 +93,7 @@ fn stopped(program: RayProgram, code: i64) -> String {
     format!("running `{stem}`: OptiX stopped it with exception {code}: {meaning}; please report it, with the project")
 }
 
-/// Device images and tables that are kept from pass to pass.
+/// Images and tables in device memory, kept from one pass to the next.
 #[derive(Debug, Default)]
 struct Images {
     position: Buffer<f32>,
@@ -109,14 +109,14 @@ struct Images {
     bodies: Table<Body>,
     around_eye: Buffer<u32>,
     faces: Table<crate::layout::Face>,
-    /// Parts of the spectrum.
+    /// Strata of the spectrum.
     strata: Table<f32>,
-    /// Points that choose microfacets.
+    /// Points from which microfacets are sampled.
     facets: Table<u32>,
     ways: Table<Ways>,
     lights: Table<crate::layout::Light>,
     emissions: Table<f32>,
-    /// Points of the discs of lights.
+    /// Points from which directions to the discs of lights are sampled.
     disc: Table<u32>,
 }
 
@@ -213,7 +213,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(())
     }
 
-    /// The shared G-buffer and semaphore value of a job that reads one; `None` for other jobs.
+    /// The shared G-buffer of a job and the semaphore value to wait for; `None` for a job that reads no shared G-buffer.
     fn shared(&self, job: &RayJob<'_>) -> Result<Option<(&Joined, u64)>, BackendError> {
         let Some(value) = job.shared else { return Ok(None) };
         match self.joined.as_ref().filter(|joined| joined.has_size(job.width, job.height)) {
@@ -237,8 +237,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(start.elapsed())
     }
 
-    /// Lends the shared G-buffer of a job to other GPUs. Lends a copy, since other GPUs read the rasteriser's own memory as slowly as host
-    /// memory.
+    /// Lends the shared G-buffer of a job to other GPUs, as a copy in this GPU's memory: they read the rasteriser's own memory as slowly as
+    /// host memory.
     #[allow(unsafe_code, reason = "copies from the memory of the rasteriser")]
     pub fn lend(&mut self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
         self.device.bind()?;
@@ -305,8 +305,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok([floats[0], floats[1], floats[2], images.triangle.address(device)])
     }
 
-    /// Copies a pass's tables to the device, and fills in the launch parameters. The picture goes to an address, or else to memory of this
-    /// GPU's own.
+    /// Copies a pass's tables to the device, and fills in the launch parameters. Kernels write the picture to the address `picture`; for `None`,
+    /// to a buffer of this GPU.
     fn describe(&mut self, job: &RayJob<'_>, copied: bool, picture: Option<Address>) -> Result<Params, BackendError> {
         let [position, normal, color, triangle] = self.gbuffer(job, copied)?;
         let (device, images) = (&self.device, &mut self.images);
@@ -428,7 +428,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         })
     }
 
-    /// Runs a pass over its rows, with several launches in flight, and returns the device time.
+    /// Runs a pass over the rows of `stripes`, with several launches in flight, and returns the device time of these launches.
     fn launch_all(
         &mut self,
         job: &RayJob<'_>,
@@ -489,7 +489,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.device.stream().synchronize().map_err(|error| self.device.fault(doing, &error))
     }
 
-    /// Copies a scene to the device and builds its structure. The caller has released the old ones with [`Self::clear`].
+    /// Copies a scene to the device and builds its structure. The caller has released the previous scene and structure with [`Self::clear`].
     pub fn build(
         &mut self,
         scene: &Arc<RenderScene>,
@@ -506,7 +506,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(stats)
     }
 
-    /// Releases scene and structure: memory may not hold two.
+    /// Releases scene and structure, before others are built: the device's memory may not hold both.
     pub fn clear(&mut self) {
         self.built = None;
         self.tracer.clear();
@@ -553,7 +553,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.counted(job, stats)
     }
 
-    /// Starts the launches of a pass and waits for them. The rays are not counted yet.
+    /// Starts the launches of a pass and waits for them. The result does not contain the ray counts yet.
     fn launched(
         &mut self,
         job: &RayJob<'_>,
@@ -576,7 +576,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             self.clear();
             return Err(error);
         }
-        // Kept alive until the kernels are done.
+        // The scene's buffers if no structure was built: declared here so that they live until the kernels are done.
         let unbuilt;
         match &self.built {
             _ if job.program == RayProgram::Dummy => {}

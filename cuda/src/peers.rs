@@ -31,7 +31,7 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
     }
     device.bind()?;
     let failed = |code| device.fault("opening the memory of another GPU", &DriverError(code));
-    // SAFETY: the other context lives as long as `other`; this thread's is that of `device`.
+    // SAFETY: the other context lives as long as `other`; the current context of this thread is that of `device`.
     match unsafe { sys::cuCtxEnablePeerAccess(other.context().cu_ctx(), 0) } {
         CUresult::CUDA_SUCCESS | CUresult::CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED => {}
         code => return Err(failed(code)),
@@ -54,14 +54,14 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
     if found != CUresult::CUDA_SUCCESS {
         return Err(failed(found));
     }
-    // SAFETY: the pool is there, and one description, which lives during the call.
+    // SAFETY: the pool was found; there is one description, which lives during the call.
     match unsafe { sys::cuMemPoolSetAccess(pool, &raw const reader, 1) } {
         CUresult::CUDA_SUCCESS => Ok(()),
         code => Err(failed(code)),
     }
 }
 
-/// Starts copying `length` values within the same GPU's memory to a buffer, which is enlarged if necessary. Returns the buffer's address.
+/// Starts copying `length` values from an address to a buffer of the same GPU, which is enlarged if necessary. Returns the buffer's address.
 /// For a `from` of 0, does nothing and returns 0.
 ///
 /// # Safety
@@ -79,18 +79,18 @@ pub(crate) unsafe fn copy_here<T: DeviceRepr + ValidAsZeroBits>(
     device.reserve(what, buffer, length)?;
     let to = buffer.address(device);
     if to != 0 {
-        // SAFETY: by the contract and the line above, both ranges are inside their memories; the buffer lives until the stream
-        // was synchronised, as every pass ends.
+        // SAFETY: by the contract of this function and `reserve`, both ranges are inside their memories; the buffer lives until the
+        // stream was synchronised, which ends every pass that succeeds.
         let copied = unsafe { memcpy_dtod_async(to, from, length * size_of::<T>(), device.stream().cu_stream()) };
         copied.map_err(|error| device.fault(&format!("copying {what} for another GPU"), &error))?;
     }
     Ok(to)
 }
 
-/// A G-buffer in the memory of a GPU. It does not change as long as this lives.
+/// A G-buffer in the memory of one GPU that others copy. Once [`Self::ready`] has occurred, it does not change as long as this lives.
 #[derive(Debug)]
 pub(crate) struct Lent {
-    /// Context of the GPU that has it.
+    /// Context of the GPU that has the G-buffer.
     pub context: Arc<CudaContext>,
     /// Addresses of positions, normals, colours and triangle ids; 0 for those that are absent.
     pub attachments: [Address; 4],
@@ -145,8 +145,8 @@ pub(crate) unsafe fn copy_parts<T: DeviceRepr + ValidAsZeroBits>(
     for part in parts {
         assert!(part.start <= part.end && part.end <= length, "the part is inside the buffer");
         let (first, bytes) = ((part.start * size_of::<T>()) as u64, part.len() * size_of::<T>());
-        // SAFETY: by the contract and the line above, both ranges are inside their memories; the buffer lives until the
-        // stream was synchronised, as every pass ends.
+        // SAFETY: by the contract of this function and the assertion, both ranges are inside their memories; the buffer lives until
+        // the stream was synchronised, which ends every pass that succeeds.
         let copied =
             unsafe { memcpy_peer_async(own, to + first, its, from + first, bytes, device.stream().cu_stream()) };
         copied.map_err(|error| device.fault(&format!("copying {what} from another GPU"), &error))?;

@@ -53,7 +53,7 @@ macro_rules! spheres_in_lights {
 }
 macro_rules! ways {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs that follow paths through glass that is rough, has dispersion or a reflectance of its own, or whose paths are cut
+        /// PTX of the programs for glass that is rough, has dispersion or has its own reflectance, and for paths in glass that are cut
         /// off: `[lighting][tracer]`. Lighting is one directional light without a disc, or any other lights. Tracers are our own traversal, with
         /// exact spheres, and OptiX.
         const WAYS: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
@@ -118,7 +118,7 @@ fn text(program: RayProgram, tracer: usize, variant: Variant, lighting: Lighting
 }
 
 /// A program on our own traversal: a module whose kernel has the name of the ray-generation program. `None` if the program exists only in
-/// Rust.
+/// Rust, or not in this variant with this lighting.
 #[must_use]
 pub fn on_bvh(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
     text(program, 0, variant, lighting)
@@ -138,7 +138,7 @@ pub fn with_spheres(program: RayProgram, variant: Variant, lighting: Lighting) -
 }
 
 /// A program on OptiX: all entries that a project may name, such as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
-/// fidelities have the same names. `None` if the program exists only in Rust.
+/// fidelities have the same names. `None` if the program exists only in Rust, or not in this variant with this lighting.
 #[must_use]
 pub fn on_optix(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
     text(program, 1, variant, lighting)
@@ -261,7 +261,7 @@ mod tests {
                     assert!(text.contains("by_sphere") || text.contains("closest_sphere"), "{}", info.stem);
                     assert!(!text.contains(".ftz.f32") && text.contains(".target sm_75"), "{}", info.stem);
                 }
-                // The programs that follow ways support spheres in any case.
+                // The programs of `WAYS` support spheres, and so serve scenes with and without them.
                 let is_for_all = variant == Variant::Ways && without == Some(text);
                 assert!(
                     is_for_all || without.is_none_or(|text| !text.contains("_sphere")),
@@ -283,7 +283,8 @@ mod tests {
         }
     }
 
-    /// The name of the entry for a program that a project names; `None` for triangle intersection, which the tracer itself provides.
+    /// The text in PTX that begins the entry for a program that a project names; `None` for intersection and bounds, which the tracer itself
+    /// provides.
     fn entry(kind: &str, proc: &str) -> Option<String> {
         let kind = kind.to_ascii_lowercase().replace('_', "");
         (kind != "geometryintersection" && kind != "boundingbox").then(|| format!(".entry __{kind}__{proc}("))
@@ -313,7 +314,7 @@ mod tests {
                 assert!(!module.contains(".entry __raygen__pinhole_camera("));
                 for text in [kernel, module] {
                     assert!(text.contains(".target sm_75") && text.contains(".version 9.0"), "{}", info.stem);
-                    // Only `.ftz.f32`: the library's 64-bit powers begin with an estimate that flushes denormals (`.ftz.f64`).
+                    // Only `.ftz.f32` is refused: the library's 64-bit powers begin with an estimate that flushes denormals (`.ftz.f64`).
                     assert!(!text.contains(".ftz.f32"), "{}: denormals are kept, as on the processor", info.stem);
                 }
             }

@@ -22,7 +22,7 @@ pub struct SceneBuffers {
     texcoords: Buffer<f32>,
     /// Empty where no mesh has vertex colours.
     colors: Buffer<f32>,
-    /// Empty where no mesh has a normal map.
+    /// Empty in a scene without tangents, which only normal maps read.
     tangents: Buffer<f32>,
     triangles: Buffer<u32>,
     materials: Buffer<u32>,
@@ -36,7 +36,8 @@ pub struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    /// Copies a scene to the device. `transparent` is what its structure was built with; `None` if no structure is built and rays hit nothing.
+    /// Copies a scene to the device. `transparent` says by material whether the program must accept hits on exact spheres; `None` if rays hit
+    /// no exact sphere.
     pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         let geometry = &scene.geometry;
         let (textures, texels) = textures(scene, false);
@@ -114,7 +115,7 @@ fn materials(geometry: &Geometry) -> Vec<u32> {
     geometry.materials().chain(geometry.spheres.iter().map(|sphere| sphere.material)).collect()
 }
 
-/// Size of every texture, and the texels of its level 0 or, with `has_levels`, of all its levels in order.
+/// Description of every texture, and the texels of all textures: of level 0 or, with `has_levels`, of all levels in order.
 fn textures(scene: &RenderScene, has_levels: bool) -> (Vec<TextureInfo>, Vec<u8>) {
     let (mut infos, mut texels) = (Vec::with_capacity(scene.textures.len()), Vec::new());
     for texture in &scene.textures {

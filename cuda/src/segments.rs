@@ -83,7 +83,7 @@ impl CudaSegments {
     /// A tracer for the triangles of a scene; those of materials that `see_through` marks block nothing.
     ///
     /// # Errors
-    /// If there is no driver, the driver is too old, there is no GPU, or the scene does not fit into its memory.
+    /// If there is no driver, there is no GPU, driver or GPU is too old, or the scene does not fit into the GPU's memory.
     pub fn new(geometry: &Geometry, see_through: &[bool]) -> Result<Self, BackendError> {
         let device = Device::first(BvhTracer::NAME)?;
         device.bind()?;

@@ -1,4 +1,4 @@
-//! G-buffers shared by the rasteriser: its memory and its semaphore, opened in CUDA.
+//! G-buffers that the rasteriser shares: memory and semaphore of each, opened in CUDA.
 //!
 //! CUDA driver API, "External Resource Interoperability". Only for systems with file descriptors; on others nothing is shared.
 
@@ -6,7 +6,7 @@ use crate::device::{Address, Device};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 
-/// Whether the device has that UUID.
+/// Whether the device has that UUID; false on systems on which nothing is shared.
 pub(crate) fn is_on(device: &Device, uuid: DeviceUuid) -> bool {
     cfg!(unix) && device.context().uuid().is_ok_and(|own| own.bytes.map(|byte| byte as u8) == uuid)
 }
@@ -52,7 +52,7 @@ mod opened {
             let failed = |error| device.fault(doing, &error);
             let offsets = Offsets::new(shared.width, shared.height, shared.attachments, shared.picture);
             device.bind()?;
-            // SAFETY: the handle is of device memory of that size, as its maker documents.
+            // SAFETY: the handle is of device memory of `bytes` bytes, as `SharedGBuffer` documents.
             let memory = unsafe { device.context().import_external_memory(File::from(shared.memory), shared.bytes) };
             let memory = memory.and_then(cudarc::driver::ExternalMemory::map_all).map_err(failed)?;
             let description = sys::CUDA_EXTERNAL_SEMAPHORE_HANDLE_DESC {
@@ -83,7 +83,7 @@ mod opened {
             [at.position, at.normal, at.color, at.triangle].map(|offset| offset.map_or(0, |offset| memory + offset))
         }
 
-        /// Address of the room for the picture of a pass, if there is any.
+        /// Address of the room for the picture of a pass; `None` if the shared memory has no such room.
         pub fn picture(&self, device: &Device) -> Option<Address> {
             self.offsets.picture.map(|offset| self.memory.device_ptr(device.stream()).0 + offset)
         }
@@ -121,14 +121,14 @@ mod opened {
         fn drop(&mut self) {
             // If the device was lost, there is nothing left to release.
             if self.device.bind().is_ok() {
-                // SAFETY: ours, and every wait is done: passes end with a synchronised stream.
+                // SAFETY: the semaphore is ours, and no wait of our stream is pending: a pass that succeeds ends with a synchronised stream.
                 let _ = unsafe { sys::cuDestroyExternalSemaphore(self.raw).result() };
             }
         }
     }
 }
 
-/// Without sharing there are no values of this type.
+/// On systems without file descriptors nothing is shared, so this type has no values.
 #[cfg(not(unix))]
 #[derive(Debug)]
 pub(crate) enum Joined {}

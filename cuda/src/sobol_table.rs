@@ -1,6 +1,6 @@
 //! The order of the occlusion points in device memory.
 
-/// Consecutive Sobol points, bits reversed, in blocks; each block is the longest of 4^m points that fits.
+/// Consecutive Sobol points, bits reversed, in blocks; each block is the longest of 4^m points that the points left over allow.
 ///
 /// In a block of the sequence of 4^m points that begins at a multiple of 4^m, each of 4^m squares of the unit square has one point
 /// ([`owen_sobol`] says why). This holds after scrambling too, which permutes the first m digits of each coordinate among themselves. The
@@ -49,7 +49,7 @@ fn at_squares(block: impl ExactSizeIterator<Item = [u32; 2]>, digits: u32) -> Ve
     places.into_iter().flatten().collect()
 }
 
-/// The table of an estimate with these points: first both coordinates of each point, in blocks; then, for each point in the given order, its
+/// The device table of these occlusion points: first both coordinates of each point, in blocks; then, for each point in the given order, its
 /// place in these blocks. The points are consecutive in the Sobol sequence, but given in an order in which neighbours are adjacent, as in
 /// [`HemisphereSampler::Sobol`].
 ///
@@ -65,7 +65,7 @@ pub fn table(points: Vec<[u32; 2]>) -> Vec<u32> {
     table
 }
 
-/// The first digits of both coordinates, interleaved.
+/// Index of the square that contains a point: the first `digits` digits of both coordinates, interleaved.
 fn square(point: [u32; 2], digits: u32) -> u64 {
     let bit = |digit: u32| {
         u64::from(point[0] >> digit & 1) << (2 * digit) | u64::from(point[1] >> digit & 1) << (2 * digit + 1)
@@ -86,7 +86,7 @@ mod tests {
         }
     }
 
-    /// Parts of the sequence: the index of the first point, and their number.
+    /// Parts of the sequence: index of the first point, and number of points.
     const PARTS: [[u32; 2]; 8] =
         [[0, 1], [0, 7], [0, 100], [7, 25], [100, 100], [63, 2], [1_000_000, 333], [(1 << 24) - 64, 64]];
 
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn each_block_has_one_point_in_each_square_at_the_squares_place() {
-        // Batches of one size, each beginning at a multiple of this size, that consist of whole blocks.
+        // Parts of the sequence that begin at a multiple of their length and consist of whole blocks.
         let batches = [[0, 16], [48, 16], [16, 4], [128, 64], [1024, 256], [320, 80], [3 * 4096, 4096]];
         let all = [1, 3, 4, 25, 100, 256, 1000].map(|samples| [0, samples]).into_iter().chain(batches);
         for [first, samples] in all {
@@ -146,7 +146,7 @@ mod tests {
                 let side = 0.5_f64.powi(digits as i32);
                 let off = at(point[coordinate]) - low;
                 sum += (-off).max(off - side).max(0.0).powi(2);
-                // The mean squared distance of two random numbers from 0 to 1 is 1/6.
+                // The mean squared distance between two random numbers from 0 to 1 is 1/6.
                 at_random += 1.0 / 6.0;
             }
         }
@@ -158,7 +158,7 @@ mod tests {
     fn points_of_parts_between_blocks_are_near_their_places() {
         for [first, samples] in [[5, 16], [7, 25], [3, 64], [100, 100], [999, 1000]] {
             let own = distance(&in_blocks(points(first, samples)));
-            // Control: in the order of the sequence.
+            // Control: the same points in the order of the sequence.
             let mut unsorted = points(first, samples);
             unsorted.sort_unstable();
             let other = distance(&unsorted);

@@ -83,7 +83,7 @@ impl SphereBuffers {
         Ok(Self { described: device.upload("where exact spheres are", &[described])?, nodes, list, node_count })
     }
 
-    /// The address of [`Spheres`]; 0 in a scene without any.
+    /// The address of the struct [`Spheres`]; 0 in a scene without spheres.
     pub fn address(&self, device: &Device) -> Address {
         self.described.address(device)
     }
@@ -93,7 +93,7 @@ impl SphereBuffers {
         self.nodes.bytes() + self.list.bytes() + self.described.bytes()
     }
 
-    /// Number of nodes.
+    /// Number of nodes of the tree; 0 if there are no spheres or rays hit none.
     pub fn node_count(&self) -> u64 {
         self.node_count
     }

@@ -6,9 +6,9 @@ use cudarc::driver::{CudaSlice, DevicePtr as _, DriverError, PinnedHostSlice};
 use curitiba_pipeline::backend::BackendError;
 use rayon::prelude::*;
 
-/// Numbers in each of the two pieces of memory: 4 MiB.
+/// Number of `f32` values in each of the two pieces of page-locked memory: 4 MiB.
 const PIECE: usize = 1 << 20;
-/// Numbers that one task copies.
+/// Number of `f32` values that one task of the host copies from a piece to its destination.
 const COPIED_AT_ONCE: usize = 1 << 16;
 
 /// Two pieces of page-locked memory: the device fills one while the host empties the other.
@@ -63,8 +63,8 @@ impl Staging {
                 rest = later;
                 let from = source.slice(*first..*first + now.len());
                 // SAFETY: source and target have the same length. The target is page-locked and lives as long as `self`. It is not
-                // read before the event that follows has happened. Every return from this function waits for that event: a
-                // failure leaves a stream on which nothing runs any more.
+                // read before the event that follows has happened, for which every return without an error waits. A failure is taken
+                // to leave a stream on which nothing runs any more.
                 unsafe { memcpy_dtoh_async(now, from.device_ptr(stream).0, stream.cu_stream()) }?;
             }
             stream.record_event(None)

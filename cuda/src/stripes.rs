@@ -6,14 +6,14 @@ use curitiba_passes::effects::disc_rays;
 use curitiba_pipeline::backend::RayJob;
 use std::ops::Range;
 
-/// Greatest number of pixels of a launch: long passes are split, so that no kernel exceeds a display driver's time limit unless a pixel is
-/// very expensive, and so that progress is visible.
+/// Greatest number of pixels of a launch, unless a single stripe has more. Long passes are split, so that no kernel exceeds a display
+/// driver's time limit unless a pixel is very expensive, and so that progress is visible.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 
 /// Greatest number of rays from the visible points of a launch to disc lights, for the same reason as [`PIXELS_OF_LAUNCH`].
 const DISC_RAYS_OF_LAUNCH: u32 = 1 << 26;
 
-/// Greatest number of ways into which the paths of a launch split at glass, for the same reason.
+/// Greatest number of ways into which the paths of a launch split at glass, for the same reason as [`PIXELS_OF_LAUNCH`].
 const WAYS_OF_LAUNCH: u32 = 1 << 21;
 
 /// Consecutive rows of a picture that one GPU computes.
@@ -48,8 +48,8 @@ pub(crate) struct Launch {
     pub skipped: u32,
 }
 
-/// The launches for a share of a picture. All stripes have the same number of rows, except perhaps the last, and the same distance. Each
-/// launch takes as many stripes as `pixels` allows, since part of the GPU idles at the end of a launch.
+/// The launches for a share of a picture. All stripes have the same number of rows, except perhaps the last, and are equally far apart. Each
+/// launch takes at least one stripe, and as many as `pixels` pixels allow, since part of the GPU idles at the end of a launch.
 pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32, pixels: u32) -> Vec<Launch> {
     let Some(first) = stripes.first() else { return Vec::new() };
     let (stripe, skipped) = match stripes.get(1) {
@@ -67,7 +67,7 @@ pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32, pixels: u32) -> Vec<L
     (0..all).step_by(most as usize).map(launch).collect()
 }
 
-/// Greatest number of pixels of a launch of this job.
+/// Greatest number of pixels of a launch of this job, unless a single stripe has more.
 pub(crate) fn pixels_of_launch(job: &RayJob<'_>) -> u32 {
     let of_ways = match ways_of_path(job) {
         1 => PIXELS_OF_LAUNCH,

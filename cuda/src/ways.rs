@@ -1,4 +1,4 @@
-//! Parameters and tables for paths in glass that split or are cut off, in the device's layout.
+//! Parameters and tables for paths that split in glass or are cut off there, in the device's layout.
 
 use crate::layout::{Face, NO_TEXTURE, WAYS_BACKGROUND, WAYS_CUT, WAYS_ROULETTE, Ways};
 use curitiba_passes::effects::dielectric::{facets, spectrum};
@@ -6,14 +6,14 @@ use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{CutoffColor, Dielectric, Reflectance, Roulette, Stratum};
 use curitiba_pipeline::programs::RayParams;
 
-/// The tables of a pass whose programs follow ways.
+/// The tables of a pass whose programs split paths into ways: those of `Variant::Ways`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WayTables {
     /// Glass data of each material.
     pub faces: Vec<Face>,
-    /// The strata of the spectrum, four numbers each.
+    /// The strata of the spectrum, four numbers each: weights of red, green and blue, and wavelength.
     pub strata: Vec<f32>,
-    /// The points from which microfacets are sampled, two numbers each.
+    /// The points of the unit square from which microfacets are sampled, two numbers each.
     pub facets: Vec<u32>,
     /// The parameters, without the addresses of these tables.
     pub ways: Ways,
@@ -49,7 +49,7 @@ impl WayTables {
 }
 
 fn face(dielectric: &Dielectric) -> Face {
-    // A negative exponent means that there is no curve.
+    // A negative exponent means that the material has no curve of reflectance, and Fresnel's share is used.
     let none = Reflectance { minimum: 0.0, maximum: 0.0, exponent: -1.0 };
     let Reflectance { minimum, maximum, exponent } = dielectric.reflectance.unwrap_or(none);
     Face {

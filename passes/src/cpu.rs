@@ -191,7 +191,7 @@ impl RayBackend for CpuRays {
 /// The spheres that focus the light of a job. Which body a sphere lies in is found by tracing in `structure`, that of the job's scene.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] if there are too many of them.
+/// [`BackendError::Unsupported`] if the scene has too many spheres of glass, or the job asks for a number of samples that is not valid.
 #[cfg(feature = "wgpu")]
 pub(crate) fn lenses(structure: &Structure, job: &RayJob<'_>) -> Result<Lenses, BackendError> {
     let job = RayJob { params: RayParams { photons: 0, ..job.params }, ..*job };
@@ -365,12 +365,12 @@ pub(crate) fn new_pass<'a, T: Tracer, C: Coverage>(
 trait Runner<'o> {
     type Output;
 
-    /// Adds the counts of the photons that were shot before to an output; by default, adds nothing.
+    /// Adds the counts of the photons that the pass has shot to the output of its pixels; by default, adds nothing.
     fn with_photons(output: Self::Output, _: PhotonCounts) -> Self::Output {
         output
     }
 
-    /// The progress through which a caller may cancel the pixels, if any.
+    /// The progress through which a caller may cancel the pixels; `None` if they cannot be cancelled.
     fn progress(&self) -> Option<&'o Progress> {
         None
     }
@@ -384,10 +384,10 @@ trait Runner<'o> {
     ) -> Self::Output;
 }
 
-/// The rows of a tile, up to [`TILE`]; rows beyond the lower border are empty.
+/// The rows of a tile, or of a run of adjacent tiles. Rows beyond the lower border of the image are empty.
 type Rows<'o> = [&'o mut [[f32; 4]]; TILE];
 
-/// The `tile` function of programs whose pixels are independent.
+/// The `tile` function of programs whose pixels are independent: it prepares nothing and writes no pixel.
 fn alone(_: Area, _: &mut Rows<'_>, _: &mut Workspace) -> bool {
     false
 }

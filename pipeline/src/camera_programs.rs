@@ -24,7 +24,7 @@ pub enum SurfaceKind {
 pub const CUT_OUT: f32 = 0.25;
 
 impl SurfaceKind {
-    /// The kinds, with the elements of a pass that list their materials.
+    /// The kinds, each with the name of the element in which a pass lists its materials. No element lists painted surfaces.
     pub const NAMED: [(&'static str, Self); 5] = [
         ("cutOut", Self::CutOut),
         ("light", Self::Light),
@@ -46,7 +46,7 @@ impl SurfaceKind {
     }
 }
 
-/// Background of rays that miss, in the tutorials of the engine's descendant.
+/// Background of rays that miss, in the tutorials of the current descendant of the report's engine.
 pub const BLUE: Vec3 = Vec3::Z;
 
 /// Parameters of programs whose rays start at the camera, in addition to those shared with other programs.
@@ -84,7 +84,7 @@ impl CameraParams {
     };
 }
 
-/// A linear colour to the power of 1 / `gamma`, with negative parts as 0; as it is where `gamma` is 1.
+/// A linear colour to the power of 1 / `gamma`, with negative components as 0; unchanged if `gamma` is 1.
 #[inline]
 #[must_use]
 pub fn with_gamma(color: Vec3, gamma: f32) -> Vec3 {
@@ -103,7 +103,7 @@ pub const LONGEST: f32 = 1e5;
 pub const MOST_GLOSS: f32 = 1e5;
 
 impl CameraParams {
-    /// The parameter with a name, with its least and largest value.
+    /// The parameter with this name, and its least and largest value; `None` for an unknown name.
     fn field(&mut self, name: &str) -> Option<(&mut f32, f32, f32)> {
         Some(match name {
             "lightwidth" => (&mut self.light_width, 0.0, LONGEST),

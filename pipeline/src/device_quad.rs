@@ -98,7 +98,7 @@ fn steps(count: impl Fn(f32) -> u8) -> Steps {
     std::array::from_fn(|step| first_with(step as u8 + 1))
 }
 
-/// The least number for each display code above 0; in linear light, after exposure and tone curve.
+/// The least number for each display code above 0. For [`ColorSpace::Linear`] the number is radiance after exposure and tone curve.
 #[must_use]
 pub fn code_steps(space: ColorSpace) -> Steps {
     steps(|value| code_of(Display::of(space), value))

@@ -178,7 +178,7 @@ impl Warnings {
         &mut self.groups[index]
     }
 
-    /// Appends the warnings of another file.
+    /// Appends the groups of `other`. Groups of the same kind and file are not merged.
     pub fn append(&mut self, mut other: Warnings) {
         self.groups.append(&mut other.groups);
     }

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Sets of scenes that are kept, at most.
+/// Largest number of sets of scenes that are kept.
 const MOST: usize = 2;
 
 /// Scenes that successive renderers share, if their [settings](crate::plan::Settings) hold clones of this.
@@ -86,7 +86,7 @@ impl KeptScenes {
         self.with(Vec::clear);
     }
 
-    /// The kept set that was built from `built`.
+    /// The kept set that was built from `built`; `None` if there is none.
     pub(crate) fn find(&self, built: &Built) -> Option<Kept> {
         self.with(|kept| {
             let index = kept.iter().position(|(of, _)| of == built)?;

@@ -24,9 +24,9 @@ pub fn portable(written: &str) -> PathBuf {
 
 /// Finds the file that `written` names, relative to `folder` unless absolute.
 ///
-/// `\` separates like `/`. If the exact path does not exist, components are compared without case; among several matches the first
-/// in byte order is taken, so that the result does not depend on the file system. A name on disk that is not UTF-8 is compared as
-/// Latin-1, as older systems and archives wrote names. `None` if nothing matches, or if `written` is longer than [`MAX_WRITTEN`].
+/// `\` separates like `/`. If the exact path does not exist, components are compared without case. Among several matches a name in the
+/// written case is preferred, then the first in byte order, so that the result does not depend on the file system. A name on disk that
+/// is not UTF-8 is read as Latin-1, as older systems wrote names. `None` if nothing matches, or `written` is longer than [`MAX_WRITTEN`].
 #[must_use]
 pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     if written.len() > MAX_WRITTEN {
@@ -78,7 +78,8 @@ fn latin_1(_: &OsStr) -> Option<String> {
     None
 }
 
-/// A hint for a missing path: its first missing folder, or the names beside it, the nearest first.
+/// A hint for a missing path: the most similar name in the folder where the path ends. Without one: the number of entries of that folder,
+/// if only the file is missing, otherwise the missing folder.
 #[must_use]
 pub fn nearest_help(missing: &Path) -> String {
     /// Most entries of a folder that are looked at.

@@ -24,7 +24,7 @@ use std::str::FromStr;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PixelSamples {
     count: u32,
-    /// The bits of the tolerance, which is not negative.
+    /// The bits of the tolerance, which is not negative; `None` for a number that is not adaptive.
     within: Option<u32>,
 }
 
@@ -35,7 +35,7 @@ impl PixelSamples {
     /// The valid numbers.
     pub const COUNTS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
-    /// Number of samples of an adaptive number for which rays are traced at every pixel.
+    /// With an adaptive number: for how many samples rays are traced at every pixel.
     pub const FIRST: u32 = 4;
 
     /// The largest tolerance.
@@ -60,7 +60,7 @@ impl PixelSamples {
         valid.then_some(Self { within: Some((tolerance + 0.0).to_bits()), ..self })
     }
 
-    /// The tolerance of an adaptive number.
+    /// The tolerance of an adaptive number; `None` for any other.
     #[must_use]
     pub fn tolerance(self) -> Option<f32> {
         self.within.map(f32::from_bits)

@@ -46,7 +46,7 @@ pub struct Progress {
     followed: Mutex<Option<Followed>>,
 }
 
-/// A step whose progress moves that of another step, from one share of the total to the next.
+/// A step whose progress another step follows: its start and end are these two shares of the other step's total.
 #[derive(Debug)]
 struct Followed {
     step: Arc<Progress>,
@@ -82,7 +82,7 @@ impl Progress {
         self.given_up.load(Ordering::Relaxed)
     }
 
-    /// From now on moves with the progress of another step, from the first share of the total to the second, 0 to 1.
+    /// From now on this count follows the progress of `step`: it moves from the first to the second share (0 to 1) of its own total.
     pub(crate) fn follow(&self, step: &Arc<Self>, shares: [f64; 2]) {
         *self.followed.lock().unwrap_or_else(PoisonError::into_inner) =
             Some(Followed { step: Arc::clone(step), shares });

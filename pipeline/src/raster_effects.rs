@@ -77,7 +77,7 @@ pub struct EffectParams {
     /// Texels a side of each shadow map, or of each face of a cube map. 0 fits them to the picture: a plan replaces it with
     /// [`Self::fitted_map_size`], so an [`EffectJob`](crate::backend::EffectJob) always has a number of texels.
     pub map_size: u32,
-    /// Most shadow maps of a frame: nearer ones cover less, and are finer.
+    /// Most shadow maps of a frame. Maps nearer to the camera cover less than farther ones, and are finer.
     pub cascades: u32,
     /// Texels on each side of the middle one that a shadow test averages: 0 tests one texel, 1 tests 3 x 3.
     pub pcf: u32,
@@ -93,7 +93,7 @@ pub struct EffectParams {
     pub fresnel: Fresnel,
     /// Longest distance to an occluder, scene units.
     pub radius: f32,
-    /// Exponent of the open share.
+    /// Exponent applied to the unoccluded share of directions.
     pub intensity: f32,
     /// Directions in which occluders are looked for.
     pub slices: u32,
@@ -114,7 +114,7 @@ pub struct EffectParams {
     pub filter: u32,
     /// What pixels at the border of a shadow show.
     pub border: Border,
-    /// At which mip level rays in place of the effect read textures at hits: for pixels that it leaves to rays, and for references.
+    /// At which mip level rays in place of the effect read textures at hits: for pixels that it leaves to rays, and for reference pictures.
     pub texture_lod: TextureLod,
 }
 
@@ -267,8 +267,8 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
 ];
 
 impl EffectParams {
-    /// Texels a side of a program's maps that fit a picture of this size. A shadow map has the longer side, rounded up to a power of two.
-    /// A face of a cube map has half of that, since it spans a right angle. A picture of 1024 x 1024 has 1024 and 512.
+    /// Texels a side of a program's maps that fit a picture of this size. A shadow map has the longer side, rounded up to a power of two
+    /// (256 to 2048). A face of a cube map has half of that (64 to 1024), since it spans a right angle. 1024 x 1024 pixels give 1024 and 512.
     #[must_use]
     pub fn fitted_map_size(program: EffectProgram, [width, height]: [u32; 2]) -> u32 {
         let side = width.max(height).clamp(1, MOST_FITTED).next_power_of_two();
@@ -282,7 +282,7 @@ impl EffectParams {
         (reads("missing") && self.missing == Missing::Rays) || (reads("border") && self.border == Border::Rays)
     }
 
-    /// The parameters of the ray program in place of the effect, with the constants that both have.
+    /// Parameters for the ray program in place of the effect: those that both have are copied, the others have their defaults.
     #[must_use]
     pub fn by_rays(&self) -> RayParams {
         let Self { index, fresnel, radius, intensity, sun, texture_lod, .. } = *self;
@@ -329,7 +329,7 @@ impl EffectParams {
         Ok(())
     }
 
-    /// The value of a parameter as it is written.
+    /// The value of a parameter as text.
     ///
     /// # Panics
     /// If the name is not in [`EFFECT_PARAMS`].

@@ -18,7 +18,7 @@ const INSTRUCTIONS: u64 = 1_000_000;
 /// Most bytes that the scripts of a pipeline hold.
 const MEMORY: usize = 1 << 20;
 
-/// Lua globals that scripts may use.
+/// Lua globals that scripts may use, besides `math` and the functions of the engine.
 const KEPT: [&str; 9] = ["assert", "error", "ipairs", "next", "pairs", "select", "tonumber", "tostring", "type"];
 /// Functions of `math` that scripts may not use: their results would differ each time.
 const RANDOM: [&str; 2] = ["random", "randomseed"];
@@ -30,13 +30,13 @@ const BUFFERS: [&str; 2] = ["getBuffer", "setBuffer"];
 /// An attribute, as a script names it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Asked {
-    /// Kind of the object that has the attribute: `PASS`.
+    /// Kind of the object that has the attribute, such as `PASS`.
     pub kind: String,
     /// The object: `CURRENT` or its name.
     pub context: String,
     /// The attribute.
     pub component: String,
-    /// Index, where there are several.
+    /// Texture unit, for the kind `IMAGE_TEXTURE`; other kinds ignore it.
     pub id: i64,
 }
 
@@ -177,7 +177,7 @@ impl Scripts {
         }
     }
 
-    /// The engine's functions that do nothing here and were called since the last time.
+    /// The engine's functions that do nothing here and were called since the last call of this method.
     pub fn left_out(&self) -> BTreeSet<&'static str> {
         std::mem::take(&mut self.left_out.borrow_mut())
     }

@@ -50,7 +50,7 @@ pub fn after_picture(hand_over: u64) -> u64 {
     hand_over + 1
 }
 
-/// Offsets of the attachments in the memory, in bytes.
+/// Offsets of the attachments in the memory, in bytes; `None` for those that it does not contain.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Offsets {
     /// Shaded colour.

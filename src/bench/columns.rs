@@ -3,7 +3,7 @@
 use super::model::{BenchFile, BenchRow, RowError};
 use super::text::median_and_interval;
 
-/// The cells of the table, header first; all rows have the same length. A row that a machine measured twice takes two lines.
+/// The cells of the table, header first; all rows have the same length. A benchmark row that one machine measured twice takes two lines.
 ///
 /// Columns: effect, view, engines, and for each machine the median with its 95 % interval (milliseconds) and the root mean
 /// square error. Missing measurements are dashes.
@@ -16,7 +16,7 @@ pub fn table(file: &BenchFile) -> Vec<Vec<String>> {
     }
     let mut table = vec![header];
     let mut rows = &file.rows[..];
-    // Rows with the same key are adjacent.
+    // In a merged file, rows with the same key are adjacent.
     while let Some(first) = rows.first() {
         let (same, rest) = rows.split_at(rows.iter().position(|row| row.key != first.key).unwrap_or(rows.len()));
         rows = rest;
@@ -32,7 +32,7 @@ pub fn table(file: &BenchFile) -> Vec<Vec<String>> {
     table
 }
 
-/// The engines of the rows: those of the first machine, followed by different ones of other machines.
+/// The different engines of the rows, in the order of their machines.
 fn engines(rows: &[Option<&BenchRow>]) -> String {
     let mut names: Vec<String> = Vec::new();
     for row in rows.iter().flatten() {

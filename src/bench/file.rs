@@ -116,8 +116,8 @@ impl BenchFile {
     /// The benchmark to continue: with `resume` the rows of the file at `path`, otherwise no rows.
     ///
     /// # Errors
-    /// If the file is broken, is no benchmark of this program, or holds another benchmark; or, without `resume`, an interrupted
-    /// one. Such files are not replaced.
+    /// If the file is broken or no benchmark of this program. With `resume` also if its benchmark differs in arguments, build or machine;
+    /// without `resume` also if its benchmark is interrupted and has rows. Such files are not replaced.
     pub fn continued(self, path: &Path, resume: bool) -> Result<Self, FileError> {
         let Some(found) = Self::read(path)? else { return Ok(self) };
         if !resume {
@@ -160,7 +160,7 @@ impl BenchFile {
         write_atomically(path, text.as_bytes()).map_err(|error| wrong(error.to_string()))
     }
 
-    /// The row with a key.
+    /// The first row with a key; `None` if the file has none.
     #[must_use]
     pub fn row(&self, key: &str) -> Option<&BenchRow> {
         self.rows.iter().find(|row| row.key == key)

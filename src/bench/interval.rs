@@ -73,7 +73,7 @@ impl Interval {
         let mut ordered = values.to_vec();
         ordered.sort_unstable_by(f64::total_cmp);
         let n = ordered.len();
-        // The probability that fewer than k of n values are below the median, for k from 1 on.
+        // `below` is the probability that at most `k` of the `n` values are below the median, for `k` from 0 on.
         let mut term = 0.5_f64.powi(n as i32);
         let (mut below, mut k) = (term, 0);
         while below <= TAIL && 2 * (k + 1) <= n {
@@ -92,7 +92,7 @@ impl Interval {
         Self::of(a.iter().zip(&b).map(|(a, b)| a / b).collect())
     }
 
-    /// Whether a value lies inside.
+    /// Whether a value lies in the interval, ends included.
     #[must_use]
     pub fn holds(self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
@@ -113,7 +113,7 @@ fn are_finite(samples: &[f64]) -> bool {
     !samples.is_empty() && samples.iter().all(|sample| sample.is_finite())
 }
 
-/// Medians of [`DRAWS`] resamplings. Different streams have different random numbers.
+/// Medians of [`DRAWS`] resamplings; `None` unless [`are_finite`]. Different streams have different random numbers.
 fn draw_medians(samples: &[f64], stream: u64) -> Option<Vec<f64>> {
     if !are_finite(samples) {
         return None;

@@ -17,7 +17,7 @@ pub(super) const AS_WRITTEN: &str = "picture.png";
 pub struct MeasureOptions {
     /// Number of frames that are measured, at least 1.
     pub frames: u32,
-    /// Number of frames rendered before, which are not measured.
+    /// Number of frames rendered before the measured ones.
     pub warmup: u32,
 }
 
@@ -65,14 +65,14 @@ pub fn measure_with(
         warm_up(&mut renderer, options.warmup, observer)?;
     }
     let row = frames(&mut renderer, case, options.frames, observer)?;
-    // Errors are computed from floats.
+    // The picture's error is computed from floats.
     let picture = if on_device { renderer.frame(observer)? } else { renderer.update(observer)? };
     Ok(Measured { row, renderer, picture })
 }
 
-/// Renders `frames` frames. On a device it goes on until the clock has risen, since devices lower it while they are idle.
+/// Renders at least `frames` frames. If a step has device times, it goes on for `BUSY`: devices lower their clock while idle.
 fn warm_up(renderer: &mut Renderer, frames: u32, observer: &mut dyn Observer) -> Result<(), RenderError> {
-    /// An H100 raises its clock within a fifth of a second of work.
+    /// Least time of warm-up on a device. An H100 raises its clock within a fifth of a second of work.
     const BUSY: Duration = Duration::from_millis(400);
     // In the first frame the device waits while its programs are compiled, so that frame does not count as work.
     renderer.draw_frame_for(AS_WRITTEN.as_ref(), observer)?;

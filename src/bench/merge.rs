@@ -24,7 +24,7 @@ struct Source {
 /// Result of a merge.
 #[derive(Debug, Clone)]
 pub struct Merged {
-    /// The benchmark. Its rows have the order of the list, and within a row the order of the machines.
+    /// The benchmark. Its rows have the order of the list; rows with the same key have the order of the machines.
     pub file: BenchFile,
     /// Rows that no machine has measured.
     pub missing: Vec<ListedRow>,
@@ -35,8 +35,8 @@ pub struct Merged {
 /// Merges benchmarks, given as folders of parts, as single parts, or as whole files.
 ///
 /// # Errors
-/// At the first file that cannot be read, is no benchmark, or differs from the others in command, build, list of rows, project,
-/// scenes or references.
+/// At the first file that cannot be read, is no benchmark, or differs from the others in command, numbers of frames, build, list of rows,
+/// project, scenes or references.
 pub fn merge(paths: &[PathBuf]) -> Result<Merged, PartError> {
     let (files, folders) = named(paths)?;
     let mut sources: Vec<Source> = files.into_par_iter().map(read).collect::<Result<_, _>>()?;
@@ -226,7 +226,7 @@ fn agree<'s>(agreed: &mut Agreed<'s>, row: &BenchRow, index: usize, path: &'s Pa
     Ok(())
 }
 
-/// Warnings about whole benchmarks that were interrupted.
+/// Warnings about whole benchmarks that were interrupted or have failed rows.
 fn interrupted(sources: &[Source]) -> Vec<String> {
     let cut = sources.iter().filter(|source| !source.file.complete);
     cut.map(|source| {
@@ -238,7 +238,7 @@ fn interrupted(sources: &[Source]) -> Vec<String> {
     .collect()
 }
 
-/// The machines, sorted by their descriptions, and the indices of the sources in the order of their machines.
+/// The machines, sorted by their descriptions, and the indices of the sources, sorted by machine.
 fn machines(sources: &[Source]) -> (Vec<Environment>, Vec<usize>) {
     let mut machines: Vec<Environment> = Vec::new();
     for source in sources {
@@ -277,8 +277,8 @@ fn join(known: &mut Environment, other: &Environment) {
     }
 }
 
-/// Moves all rows out of the sources, each with its machine. Rows are in the order of the list; those that it lacks follow as they come. Rows
-/// with the same key are ordered by machine, then as they come.
+/// Moves all rows out of the sources, and sets their machines. Rows are in the order of the list; rows that the list lacks follow, in the order
+/// of the sources. Rows with the same key are ordered by machine, then in the order of the sources.
 fn take_rows(sources: &mut [Source], machines: &[Environment], order: &HashMap<&str, usize>) -> Vec<BenchRow> {
     let mut unlisted: HashMap<String, usize> = HashMap::new();
     let mut rows: Vec<(usize, BenchRow)> = Vec::new();

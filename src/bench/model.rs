@@ -25,7 +25,7 @@ pub struct BenchFile {
     pub environment: Environment,
     /// Frames measured of each row, in each round.
     pub frames: u32,
-    /// Number of frames rendered before, which are not measured.
+    /// Number of frames rendered before the measured ones of each round.
     pub warmup: u32,
     /// Number of rounds over all rows; 1 in files from before 2026-11-27.
     #[serde(default = "one", skip_serializing_if = "is_one")]
@@ -160,7 +160,7 @@ pub struct BenchRow {
     pub setup: Vec<BenchStep>,
     /// Share of a frame's host time in ray passes, 0 to 1; `None` without ray passes.
     pub ray_share: Option<f64>,
-    /// Peak memory of the process so far, in bytes, including rows measured before.
+    /// Peak memory of the process so far, in bytes, including rows measured before; `None` if the system does not report it.
     pub peak_memory_bytes: Option<u64>,
     /// Bytes of targets, acceleration structure, maps, and memory that ray passes hold on their device.
     pub held_bytes: u64,
@@ -170,7 +170,7 @@ pub struct BenchRow {
     /// before 2026-11-24.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_error: Option<RowError>,
-    /// The report's figure for this row.
+    /// The figure of the report of 2014 for this row; `None` if that has no such row.
     pub thesis: Option<ThesisFigure>,
     /// Identity of the inputs; `None` in files from before 2026-11-23, and in reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -281,9 +281,9 @@ pub struct BenchStep {
     pub name: String,
     /// Host time.
     pub host: Stats,
-    /// Device time.
+    /// Device time; `None` if the step has none.
     pub device: Option<Stats>,
-    /// Number of rays of one frame.
+    /// Number of rays of one frame; `None` for steps that trace none.
     pub rays: Option<RayCounts>,
     /// Millions of rays per second of median host time.
     pub mrays_per_second: Option<f64>,
@@ -302,7 +302,7 @@ pub struct BenchStep {
 pub struct ThesisFigure {
     /// Milliseconds per frame.
     pub frame_ms: f64,
-    /// Percentage of the frame in the ray pass.
+    /// Percentage of the frame time in the ray pass; `None` if the report does not give it.
     pub ray_percent: Option<f64>,
     /// The report's machine.
     pub machine: String,
@@ -356,7 +356,7 @@ impl Stats {
         joined.map_or_else(|| self.clone(), |joined| Self { rounds: lengths, ..joined })
     }
 
-    /// The samples of each round.
+    /// The samples of each round; all samples as one round if [`Self::rounds`] is empty or does not add up to them.
     #[must_use]
     pub fn by_round(&self) -> Vec<&[f64]> {
         let total = self.rounds.iter().try_fold(0_usize, |sum, length| sum.checked_add(*length));
@@ -372,14 +372,14 @@ impl Stats {
         self.rounds.iter().map(next).filter(|round| !round.is_empty()).collect()
     }
 
-    /// 95 % confidence interval of the median; `None` if a sample is not finite. With several rounds they are resampled as well, so
-    /// that a machine that changes between rounds widens the interval.
+    /// 95 % confidence interval of the median; `None` if a sample is not finite. If there are several rounds, rounds are resampled as well
+    /// as samples, so that a machine that changes between rounds widens the interval.
     #[must_use]
     pub fn interval(&self) -> Option<Interval> {
         Interval::of_rounds(&self.by_round())
     }
 
-    /// Samples that are far from the others.
+    /// Numbers of samples that are far from the others.
     #[must_use]
     pub fn outliers(&self) -> Outliers {
         Outliers::of(&self.samples)
@@ -413,7 +413,7 @@ mod tests {
         assert_eq!((both.rounds.as_slice(), both.by_round()), ([9, 9].as_slice(), vec![&[10.0; 9][..], &[15.0; 9]]));
         assert_eq!(both.joined(&fast).rounds, [9, 9, 9]);
         assert_eq!(both.interval(), Some(Interval { low: 10.0, high: 15.0 }));
-        // Lengths that do not fit, as in a file that was changed by hand, tell nothing.
+        // Round lengths that do not add up to the samples, as in a file changed by hand, are ignored.
         for rounds in [vec![9], vec![usize::MAX, 2]] {
             assert_eq!(Stats { rounds, ..both.clone() }.by_round().len(), 1);
         }

@@ -50,10 +50,10 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// 20 to 28 in steps of one, with quartiles at 22 and 26: the fences are at 16 and 32, and at 10 and 38.
+    /// `more`, and samples from 20 to 28 whose quartiles are at 22 and 26: the inner fences are at 16 and 32, the outer ones at 10 and 38.
     fn with(more: &[f64]) -> Vec<f64> {
         let regular = (20..=28).map(f64::from);
-        // As many copies of the quartiles leave them where they are.
+        // Equal numbers of copies of the two quartiles do not move them, and outweigh `more`.
         let steady = [22.0, 26.0].into_iter().cycle().take(2 * more.len() + 200);
         regular.chain(steady).chain(more.iter().copied()).collect()
     }

@@ -78,7 +78,7 @@ pub struct RowList {
 /// A row in the list.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ListedRow {
-    /// Id of the row, the same wherever and in however many parts it is measured.
+    /// Id of the row, a hash of its key: it does not depend on the machine or on the number of processes.
     pub id: String,
     /// Identifies the row among all rows.
     pub key: String,
@@ -117,7 +117,7 @@ impl RowList {
         Ok(Some(list))
     }
 
-    /// The first field in which `other` differs: its name, the value in `other`, and the value here.
+    /// The first field in which `other` differs: its name, the value in `other`, and the value here. `None` if the lists are equal.
     pub(super) fn differs_from(&self, other: &Self) -> Option<(String, String, String)> {
         if self.command != other.command {
             return Some(("command".to_owned(), other.command.clone(), self.command.clone()));

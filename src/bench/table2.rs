@@ -25,7 +25,7 @@ pub struct TableRow {
     pub samples: Option<u32>,
     /// The report's time per frame, milliseconds.
     pub frame_ms: f64,
-    /// The report's percentage of it in the ray pass.
+    /// The report's percentage of the frame time in the ray pass; `None` if it does not give it.
     pub ray_percent: Option<f64>,
 }
 
@@ -113,7 +113,7 @@ mod tests {
         for row in ROWS {
             let case = row.case(&projects, &Settings::default(), Choice::default()).expect("the project is valid");
             let plain = Case::new(&case.project, case.settings.clone(), case.choice).expect("valid");
-            // The report's `all` implies 100 samples.
+            // The report's label `all` does not name its 100 samples.
             assert_eq!(case.label, if row.label == "all" { "all" } else { &plain.label });
             assert_eq!(case.view, plain.view);
             keys.push(case.key);

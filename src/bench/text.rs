@@ -66,14 +66,14 @@ pub fn is_ours(text: &[u8]) -> bool {
     text.starts_with(MARKDOWN_TITLE.as_bytes()) || columns == CSV_HEADER.map(str::as_bytes)[..3]
 }
 
-/// Number of rays of one frame; `None` if no rays were traced.
+/// Number of rays of one frame; `None` if the row has no ray pass.
 #[must_use]
 pub fn rays(row: &BenchRow) -> Option<u64> {
     let counts = row.steps.iter().filter_map(|step| step.rays).map(RayCounts::total);
     row.rays.as_ref().map(|_| counts.sum())
 }
 
-/// Millions of rays per second of the time in ray passes.
+/// Millions of rays per second of the time in ray passes; `None` if no rays were traced.
 #[must_use]
 pub fn mrays_per_second(row: &BenchRow) -> Option<f64> {
     let traced: Vec<_> = row.steps.iter().filter(|step| step.mrays_per_second.is_some()).collect();
@@ -82,7 +82,7 @@ pub fn mrays_per_second(row: &BenchRow) -> Option<f64> {
     (rays > 0).then(|| rays as f64 / 1e3 / ms.max(1e-6))
 }
 
-/// Time of the ray passes on the device's own clock, milliseconds; `None` if one of them has no device time.
+/// Time of the ray passes on the device's own clock, milliseconds; `None` if there are none, or one of them has no device time.
 #[must_use]
 pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     let mut steps = row.steps.iter().filter(|step| step.kind == StepKind::Rays).peekable();
@@ -438,7 +438,7 @@ fn steps(text: &mut String, rows: &[BenchRow]) {
     }
 }
 
-/// Lines about the paths of adaptive sampling of glass, one for each pass of a row that has it.
+/// Lines about the paths of adaptive sampling of glass, one for each pass of the row that samples adaptively.
 pub(crate) fn spent(row: &BenchRow) -> impl Iterator<Item = String> {
     let steps = row.steps.iter().filter_map(|step| Some((&step.name, step.adaptive?)));
     steps.map(|(pass, spent)| format!("{}, {}, pass `{pass}`: {spent}", row.label, row.view))

@@ -26,9 +26,9 @@ struct Key {
     position: DVec3,
     /// Unit viewing direction.
     direction: DVec3,
-    /// Unit up vector.
+    /// Unit up vector; `None` for the camera's own.
     up: Option<DVec3>,
-    /// Vertical field of view, radians.
+    /// Vertical field of view, radians; `None` for the camera's own.
     fov_y: Option<f64>,
 }
 
@@ -188,8 +188,8 @@ mod tests {
         let at = |frame: u32| bend.pose(frame, OWN).position.as_dvec3();
         for key in [1000, 1500] {
             let (before, after) = (at(key) - at(key - 1), at(key + 1) - at(key));
-            // The intervals before and after that key are 500 and 1000 frames long, or 500 and 2500. If tangents ignored the
-            // lengths, the speed would double there.
+            // The intervals before and after the key are 1000 and 500 frames long, or 500 and 2500. If tangents ignored these
+            // lengths, the speed would jump at the key by their ratio.
             assert!((before - after).length() < 0.1 * before.length(), "{before} {after}");
         }
     }

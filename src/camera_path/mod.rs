@@ -1,11 +1,11 @@
 //! Camera paths: the pose of a camera in every frame of a sequence.
 //!
-//! A path depends on nothing but the frame number, so a frame is the same whether it is rendered alone, after others, or on another
-//! machine.
+//! The pose in a frame depends only on the path, the frame number and the camera's own pose. So a frame is the same whether it is rendered
+//! alone, after others, or on another machine.
 //!
 //! | path | frame `k` |
 //! |---|---|
-//! | `orbit:CX,CY,CZ,R,N` | on a circle of radius R around C, looking at C, at `k / N` of a turn |
+//! | `orbit:CX,CY,CZ,R,N` | at distance R from C, looking at C, after `k / N` of a turn |
 //! | a file of keyframes | positions by a Catmull-Rom spline, directions along great circles |
 //!
 //! The file is JSON: `{"keys": [{"frame": 0, "position": [0, 2, 9], "look_at": [0, 1, 0]}, …]}`. `frame` is a whole number, 0 for

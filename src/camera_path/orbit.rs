@@ -48,8 +48,9 @@ impl Orbit {
         Ok(Self { center, radius, frames, elevation })
     }
 
-    /// The circle's axis is the world axis nearest to the camera's own up vector, which is up in every frame. Frame 0 looks against
-    /// the cyclically next axis (with y up, towards -z), and the camera moves towards the axis after that.
+    /// The circle's axis is the positive or negative world axis nearest to the camera's own up vector; it is the up vector of every frame.
+    /// At elevation 0, frame 0 looks against the cyclically next positive axis (with y up, towards -z). The camera then moves towards the
+    /// positive axis after that, or away from it if the circle's axis is a negative one.
     pub(super) fn pose(&self, frame: u32, own: Pose) -> Pose {
         let up = axis(own.up);
         let first = DVec3::new(up.z, up.x, up.y).abs();
@@ -91,7 +92,7 @@ mod tests {
                 let towards = orbit.center - pose.position.as_dvec3();
                 assert!((towards.length() - 12.5).abs() < 1e-5, "{pose:?}");
                 assert!((towards.normalize() - pose.direction.as_dvec3()).length() < 1e-6, "{pose:?}");
-                // 20 degrees above the centre, in the direction of the camera's own up vector.
+                // The camera is 20 degrees above the centre, as seen with the camera's own up vector.
                 let sine = -f64::from(pose.direction.dot(pose.up));
                 assert!((sine - 20.0_f64.to_radians().sin()).abs() < 1e-6 && pose.up.dot(up) > 0.0, "{pose:?}");
             }

@@ -39,7 +39,7 @@ pub struct FrameRecord {
     pub machine: String,
     /// Host time of all passes, milliseconds.
     pub ms: f64,
-    /// The part of it in ray passes, milliseconds.
+    /// The part of [`Self::ms`] in ray passes, milliseconds.
     pub ray_ms: f64,
     /// Time to write the pictures, milliseconds.
     pub write_ms: f64,
@@ -152,7 +152,8 @@ impl FrameRecord {
         }
     }
 
-    /// The record at `path`, if the frame is complete: the pictures `files` exist with the recorded sizes.
+    /// The record at `path`; `None` if the frame is not complete, that is if the record or one of the pictures `files` with its recorded size
+    /// does not exist.
     ///
     /// # Errors
     /// If the file is no record, or belongs to a different picture.

@@ -260,9 +260,9 @@ pub struct RenderArgs {
 /// `--frames`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frames {
-    /// So many of one picture.
+    /// This number of frames of one picture.
     Count(u32),
-    /// Of a path, from the first number up to and without the second.
+    /// Frames of a path, from the first number up to, but not including, the second.
     Range(u32, u32),
 }
 

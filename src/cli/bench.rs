@@ -96,7 +96,7 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
                 Some(row) if row.frame.n() < (round * file.frames) as usize => {
                     Some(rows.again(job, place, round).map(|more| row.add(&more)))
                 }
-                // It is there already, or failed in the first round.
+                // The row has its frames of this round already, or failed in the first round.
                 Some(_) | None => None,
             };
             if let Some(row) = file.row(&job.case.key).filter(|_| round == file.rounds) {

@@ -206,13 +206,13 @@ impl BenchArgs {
         self.rounds.unwrap_or(if self.sweep_threads.is_empty() { 1 } else { 3 })
     }
 
-    /// A canonical form of the command, with defaults, of everything that affects the rows: equal commands give equal rows. Output
-    /// files are not part of it.
+    /// A canonical form of the command: all options that affect the rows, with their defaults, but no output files. Equal commands
+    /// give equal rows.
     pub fn command(&self) -> String {
         self.words().join(" ")
     }
 
-    /// The command that measures a shard of the rows on this machine, quoted for a shell.
+    /// The command that measures a shard of the rows, with this command's folders, threads and memory limit; quoted for a shell.
     pub fn command_of(&self, shard: Shard) -> String {
         let mut words = self.words();
         words.extend(["--shard".to_owned(), shard.to_string()]);

@@ -63,7 +63,7 @@ pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) ->
     choices
 }
 
-/// The choice, if its ray backend exists; its devices are recorded in the file.
+/// Returns the choice if its ray backend is available, and records the backend's devices in the file. The error is the reason.
 fn traced_by(choice: Choice, file: &mut BenchFile) -> Result<Choice, String> {
     let rays = ray_backend(choice).map_err(|error| error.to_string())?;
     file.environment.add_gpus(rays.as_ref());

@@ -113,7 +113,7 @@ fn check_noise(args: &BenchArgs, jobs: &[Job]) -> Result<(), Failure> {
 struct Measuring {
     /// Benchmark without rows: command and machine.
     file: BenchFile,
-    /// The engines that this machine has.
+    /// The requested engines that this machine has.
     choices: Vec<Choice>,
     rows: Rows,
 }

@@ -60,7 +60,7 @@ impl Rows {
         let (mut row, picture) = (measured.row, measured.picture);
         row.inputs = Some(Inputs::of(&measured.renderer));
         row.picture = Some(picture_hash(&picture));
-        // Frees the scene before that of the reference is loaded.
+        // Frees the row's scene before the reference's scene is loaded.
         drop(measured.renderer);
         row.thesis = job.row.map(|of_table| of_table.figure(&row));
         row.error = match &mut self.references {

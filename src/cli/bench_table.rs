@@ -126,7 +126,7 @@ impl Table {
             Layout::Stacked => String::new(),
         };
         for (index, (cell, (_, width))) in cells.iter().zip(self.cells()).enumerate() {
-            // The first column is text.
+            // The first column is text and left-aligned; the others are right-aligned.
             line += &if index == 0 { format!("  {cell:width$}") } else { format!("  {cell:>width$}") };
         }
         match self.layout {

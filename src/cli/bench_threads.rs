@@ -32,7 +32,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let outputs = [(&args.json, "--json"), (&args.markdown, "--markdown")];
     check_outputs(outputs.iter().filter_map(|(path, what)| Some((path.as_deref()?, *what))))?;
     if let Some(path) = args.json.as_ref().filter(|_| !args.overwrite) {
-        // Fails for any other file, so that it is not replaced.
+        // Reading fails for a file that is no sweep, so that such a file is not replaced.
         ThreadsFile::read(path)?;
     }
     if let Some(folder) = &args.plots {
@@ -103,7 +103,7 @@ fn write(args: &BenchArgs, file: &ThreadsFile) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Draws the curves into a file named after project and view; if the name is taken, a number is appended.
+/// Draws the curves into a file named after project and view, with a number if this command has `written` that file. `None` without curves.
 fn plot(folder: &Path, case: &ThreadsCase, written: &[PathBuf]) -> Result<Option<PathBuf>, Failure> {
     let Some(plot) = threads_plot(case) else { return Ok(None) };
     let project = case.project.file_stem().and_then(|stem| stem.to_str()).unwrap_or("project");

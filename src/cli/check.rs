@@ -17,7 +17,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let max_bytes = settings.max_memory;
     let project = settings.open(&args.path).map_err(|error| {
         if matches!(error, SourceError::Project(_)) {
-            // Problems of the scene files are reported too.
+            // The project is in error; problems of the scene files that it declares are reported too.
             let mut found = Found::default();
             declared_scenes(&args.path).iter().for_each(|declared| found.look_at(declared, Needs::ALL, max_bytes));
             if let Some(failures) = found.failures() {

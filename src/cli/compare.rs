@@ -40,7 +40,7 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
     record_files_read();
     for operand in [&test, &reference] {
         if let Operand::Picture(path) = operand {
-            // Errors of reading it are reported when it is read.
+            // Opening the file records it as an input, which no output may replace. Errors are reported when it is read.
             let _ = files::open(path);
         }
     }
@@ -235,7 +235,7 @@ fn in_words(found: &ZTest) -> String {
         count => format!("; {count} colours of tiles without noise differ"),
     };
     let chi_square = number(found.chi_square);
-    // Single pixels with few samples are far from normally distributed, so these shares alone decide nothing.
+    // Single pixels with few samples are far from normally distributed, so the shares beyond 2 and 3 standard deviations decide nothing.
     let few = if found.beyond_3 > 4.0 * EXPECTED_BEYOND_3 && found.verdict == Verdict::Noise {
         "; as single pixels have too few samples for a normal distribution, the tiles decide"
     } else {

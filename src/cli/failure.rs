@@ -62,7 +62,7 @@ impl Failure {
         })
     }
 
-    /// Prints it to the error stream.
+    /// Prints the failure to the error stream.
     pub fn print(&self) {
         match self {
             Self::Work(message) | Self::Usage(message) | Self::Input(message) => {
@@ -133,12 +133,12 @@ impl From<Problems> for Failure {
     }
 }
 
-/// Prints a counted warning.
+/// Prints a warning.
 pub fn print_warning(text: &str) {
     crate::tell!("{WARNING}warning:{WARNING:#} {text}");
 }
 
-/// Prints warnings and errors, which are worth interrupting a rendering for; `check` and `plan` print the notes too.
+/// Prints the warnings and errors among the problems, but no notes; `check` and `plan` print the notes too.
 pub fn print_warnings_of(problems: &Problems) {
     let warnings = problems.0.iter().filter(|problem| problem.severity != Severity::Note);
     print_problems(&Problems(warnings.cloned().collect()));
@@ -149,7 +149,7 @@ pub fn print_error(message: &str) {
     crate::tell!("{ERROR}error:{ERROR:#} {message}");
 }
 
-/// Prints every problem with its place, on a terminal with the surrounding lines, and a final count.
+/// Prints every problem with its place; on a terminal, warnings and errors with the surrounding lines. If there are errors, counts follow.
 pub fn print_problems(problems: &Problems) {
     let graphical = std::io::stderr().is_terminal();
     for problem in &problems.0 {

@@ -61,7 +61,7 @@ impl Inspector {
         self.failed.take().map_or(Ok(()), |message| Err(Failure::Work(message)))
     }
 
-    /// Fails if an invalid value was found; prints where.
+    /// Fails if an invalid value was found; the message says where. Otherwise prints how many channels were checked, unless `quiet`.
     pub fn verdict(&self, quiet: bool) -> Result<(), Failure> {
         if !self.check {
             return Ok(());

@@ -42,7 +42,7 @@ fn pages(program: clap::Command) -> io::Result<Vec<(String, Vec<u8>)>> {
     std::iter::once(program.clone()).chain(commands).map(page).collect()
 }
 
-/// A page. Examples keep their lines, which the crate would join to paragraphs.
+/// File name and text of a page. Examples keep their lines, which `clap_mangen` would join to paragraphs.
 fn page(command: clap::Command) -> io::Result<(String, Vec<u8>)> {
     let more = command.get_after_long_help().or_else(|| command.get_after_help()).map(ToString::to_string);
     let (has_options, has_commands) = (command.get_arguments().next().is_some(), command.has_subcommands());

@@ -104,7 +104,7 @@ pub fn unheard() -> bool {
     UNHEARD.load(Ordering::Relaxed)
 }
 
-/// Whether a result is a failure: a closed pipe is none.
+/// Turns an error of writing to a stream into a failure. A closed pipe is no failure.
 fn printed(result: std::io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {

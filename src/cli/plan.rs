@@ -168,7 +168,7 @@ fn structures(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     decisions
 }
 
-/// Recommends a filter for passes of occlusion if it at least halves their noise, as measured.
+/// Recommends a filter for passes of occlusion if it at least halves their noise, by [`recommended_filter`].
 fn filters(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     if plan.settings.fidelity != Fidelity::Corrected || plan.in_parts() {
         return Vec::new();

@@ -151,12 +151,12 @@ fn check_samples(args: &RenderArgs) -> Result<(), Failure> {
 #[derive(Serialize)]
 struct Accumulated {
     pass: String,
-    /// Number of samples a point.
+    /// Number of samples per point.
     samples: u64,
     batches: u32,
     /// Root mean square of the pixels' standard errors; `None` after one batch.
     error: Option<f64>,
-    /// Largest of the pixels' standard errors.
+    /// Largest of the pixels' standard errors; `None` after one batch.
     largest: Option<f64>,
 }
 

@@ -37,7 +37,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         wanted.triangles.retain(|triangles| *triangles <= most);
     }
     if made.is_some() {
-        // The generated square is a different scene.
+        // The scaling by triangles would measure the generated square, not the scene of the report.
         wanted.triangles.clear();
     }
     load::tell(&Environment::here());
@@ -81,7 +81,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
 fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathBuf)>, Failure> {
     const FIRST: &str = "SceneNoEffects.xml";
     let options = args.scene.options(&[]);
-    // A folder without scenes counts as a folder of projects, and is refused as such.
+    // A folder without scenes counts as a folder of projects; if it has none either, the report fails.
     let has_scenes = !args.projects.is_dir() || project::scene_files(&args.projects).is_ok();
     let is_scene = names_scenes(&args.projects) && has_scenes && !args.projects.join(FIRST).is_file();
     if !is_scene {
@@ -96,7 +96,7 @@ fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathB
     let projects =
         project::open_scenes(&args.projects, &options, args.size, args.max_memory).map_err(OpenError::from)?;
     let Some(projects) = projects else { return Ok(None) };
-    // Beside the report: a folder for all files, given with --confine, contains that place.
+    // The temporary folder lies beside the report, and so in the folder of --confine.
     let beside = args.output.parent().unwrap_or(Path::new("."));
     let folder = TemporaryFolder::new(beside).map_err(Failure::work)?;
     // Written projects name their scenes by absolute paths.
@@ -112,7 +112,7 @@ fn command_of_projects(args: &ReportArgs) -> String {
     let words = ["curitiba".to_owned(), "scene".to_owned(), args.projects.display().to_string()]
         .into_iter()
         .chain(options.words().into_iter().filter_map(option).flatten())
-        // The camera is made for the window's shape.
+        // The projects' camera depends on the window's shape.
         .chain(args.size.into_iter().flat_map(|[width, height]| ["--size".to_owned(), format!("{width}x{height}")]))
         .chain(["--projects".to_owned(), report::PROJECTS.to_owned()]);
     words.map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")

@@ -26,7 +26,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     check_references(&references, "the variable CURITIBA_CACHE names another folder")?;
     load::tell(&Environment::here());
     let references = References::new(references, Duration::from_secs(args.reference_seconds.into()));
-    // Beside the output: a folder for all files, given with --confine, contains that place.
+    // The temporary folder lies beside the output, and so in the folder of --confine.
     let folder = TemporaryFolder::new(args.output.parent().unwrap_or(Path::new(""))).map_err(Failure::work)?;
     let mut bars = Bars::default();
     let request = Request {
@@ -68,7 +68,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     confirm(&mut bench, args)
 }
 
-/// Checks by a measurement that the written project keeps its promise.
+/// Measures the written project, and fails if it misses the goal; a time is judged by its median alone.
 fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
     let run = bench.run_file(&args.output).map_err(Failure::Work)?;
     let trial = Trial::new(Vec::new(), run);

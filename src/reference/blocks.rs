@@ -125,7 +125,7 @@ impl Blocks<'_> {
         Ok(Entry { picture, own_error, took })
     }
 
-    /// Removes the blocks of a reference that is stored.
+    /// Removes the blocks of a reference, which are not needed once the reference is stored.
     pub fn forget(&self) {
         if self.count > 1 {
             (0..self.count).for_each(|block| self.folder.forget(&self.material(block)));
@@ -136,7 +136,7 @@ impl Blocks<'_> {
         format!("{}\nblock {block}", self.base)
     }
 
-    /// A stored block, and the time of rendering it.
+    /// A stored block, and the time of rendering it; `None` if it is not stored, or damaged, which adds a warning.
     fn load(&self, block: u32, warnings: &mut Vec<String>) -> Option<(Estimates, Duration)> {
         let [width, height] = self.size;
         match self.folder.load(&self.material(block), [width, 2 * height]) {
@@ -152,7 +152,8 @@ impl Blocks<'_> {
         }
     }
 
-    /// Stores a block as one picture, the second estimate below the first. The inner error says why it cannot be stored.
+    /// Stores a block as one picture, the second estimate below the first. The inner error says why it cannot be stored; the outer one is a
+    /// lack of memory.
     fn store(
         &self,
         block: u32,
@@ -171,7 +172,7 @@ impl Blocks<'_> {
 mod tests {
     use super::*;
 
-    /// A test block whose values have different sums in another order, or in `f32`.
+    /// A test block. Sums of such values differ in their last bits if they are added in another order, or in `f32`.
     fn block(index: u32) -> Estimates {
         let value = |half: u32, i: u32| (0.1 + f32::from(index as u16) * 0.37 + (half * 7 + i) as f32).sin();
         [0, 1].map(|half| Image {

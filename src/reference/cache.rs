@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// Largest JSON file of a reference, bytes.
 const MOST_SIDECAR: u64 = 16 << 20;
-/// Largest picture of a reference, bytes: four floats for each pixel of the largest one.
+/// Largest EXR file that is read, bytes: twice the size of four floats for each of 16384 x 16384 pixels, the most that [`read_image`] reads.
 const MOST_EXR: u64 = 8 << 30;
 
 /// A folder of EXR files. Each has a JSON file that describes it and contains a hash of its bytes.
@@ -110,7 +110,7 @@ impl Folder {
         files::write_atomically(&json, text.as_bytes()).map_err(|error| wrong(&error))
     }
 
-    /// Removes a reference that a better one replaces. A failure is ignored, since the old one does no harm.
+    /// Removes a reference or block that is no longer needed. A failure is ignored, since the files do no harm.
     pub fn forget(&self, material: &str) {
         let (exr, json) = self.files(material);
         let _ = std::fs::remove_file(json);

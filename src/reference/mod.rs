@@ -28,7 +28,7 @@
 //! # Storage
 //! References are stored in a folder, as EXR files with a JSON file beside each. The file name is a hash of everything that
 //! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the number of
-//! samples, and [`FORMAT`] for the programs themselves. Versions of this program with different formats share no references.
+//! samples, and [`FORMAT`] and the program's version for the programs themselves. Different versions of this program share no references.
 
 mod blocks;
 mod cache;
@@ -76,8 +76,8 @@ const SAMPLES: (u32, u32) = (256, MOST_SAMPLES);
 /// Valid numbers of samples a pixel of a reference of the picture: powers of two from the first to the second.
 pub const PICTURE_SAMPLES: (u32, u32) = (64, 65_536);
 
-/// Samples a pixel of a block of a reference of the picture. Changing it changes references with more samples: see [`FORMAT`], and
-/// the format of references of pictures.
+/// Samples a pixel of a block of a reference of the picture. Like [`FORMAT`], it is part of what determines references with more samples:
+/// if it changes, they have other file names.
 const PICTURE_BLOCK: u32 = 1024;
 
 /// Samples in a block of each of the two renders of a reference of the effect. Numbers of samples that are no multiple of it are
@@ -148,7 +148,7 @@ pub struct References {
     /// Folder of the references of pictures.
     folder_of_pictures: Folder,
     allowance: Duration,
-    /// Number of samples of every reference with noise, if they are not refined.
+    /// Number of samples of every reference with noise; `None` if they are refined.
     fixed: Option<u32>,
     /// Hashes of the scenes of a request, by the request's identity.
     fingerprints: HashMap<String, Vec<String>>,
@@ -165,9 +165,9 @@ pub struct References {
 
 struct Held {
     reference: Reference,
-    /// Time of rendering it.
+    /// Time of rendering the reference, by whichever process.
     took: Duration,
-    /// Time spent on this reference by this process.
+    /// Time that this process has spent on this reference and on those with fewer samples.
     spent: Duration,
 }
 
@@ -195,7 +195,7 @@ impl References {
         }
     }
 
-    /// Uses exactly this number of samples, 1 to [`MOST_SAMPLES`], in each of the two renders of references, however long they
+    /// Uses exactly this number of samples, 1 to [`MOST_SAMPLES`], in each of the two renders of references with noise, however long they
     /// take. A row's error then depends only on the row. `None` refines references as needed.
     #[must_use]
     pub fn with_samples(self, samples: Option<u32>) -> Self {
@@ -298,7 +298,8 @@ impl References {
     /// The stored reference of a case's picture.
     ///
     /// # Errors
-    /// If it is not stored, with the command that makes it; or if the scene, whose content is part of its name, cannot be loaded.
+    /// If the reference is not stored, with the command that makes it; if the picture cannot have one; or if the scene, whose content is part
+    /// of the file's name, cannot be loaded.
     pub fn picture(&mut self, case: &Case, observer: &mut dyn Observer) -> Result<&Reference, ReferenceError> {
         let request = Request::of_picture(case)?;
         if let Some(why) = picture::unsupported(&request.plan) {
@@ -313,7 +314,7 @@ impl References {
         self.kept_picture(&request, &base).ok_or_else(missing)
     }
 
-    /// The stored reference of a picture with the most samples.
+    /// The stored reference of a picture; of several, the one with the most samples. `None` if none is stored.
     fn kept_picture(&mut self, request: &Request, base: &str) -> Option<&Reference> {
         if !self.pictures.contains_key(base) {
             let (least, most) = PICTURE_SAMPLES;
@@ -383,7 +384,7 @@ impl References {
         Ok(base)
     }
 
-    /// Renders a reference with more samples, or returns why it does not.
+    /// Renders a reference with more samples and returns `None`, or returns why it does not.
     fn refine(
         &mut self,
         request: &Request,
@@ -412,7 +413,7 @@ impl References {
         }
     }
 
-    /// Renders a reference, or the blocks of a shard, whose state is returned.
+    /// Renders and stores a reference, or the blocks of a shard. Returns the state of the blocks; `None` for a complete reference.
     fn render(
         &mut self,
         request: &Request,

@@ -128,7 +128,7 @@ fn described(value: &Value<'_>) -> String {
     }
 }
 
-/// Description of glass whose materials define it.
+/// Description of glass that is defined by the scene's materials.
 fn of_materials(pass: &Traced<'_>) -> Vec<String> {
     let (params, table) = (&pass.params, pass.look.dielectrics);
     let mut words = vec![format!("glass by its materials {:032x}", fnv1a(format!("{table:?}").as_bytes()))];
@@ -153,7 +153,7 @@ fn marked(materials: &[bool]) -> String {
     format!("{:?}", marked.collect::<Vec<_>>())
 }
 
-/// Why the picture of a plan has no reference, as far as the plan alone determines it.
+/// Why the picture of a plan has no reference; `None` if it may have one, as far as the plan alone determines it.
 pub(super) fn unsupported(plan: &Plan) -> Option<String> {
     let nothing =
         |_: usize| Look { shades: &[], glass: &[], shadow_glass: &[], dielectrics: &[], sun: None, lights: Vec::new() };

@@ -130,7 +130,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
     let own = set.iter().filter_map(|assignment| {
         let (key, value) = assignment.split_once('=')?;
         let (name, parameter) = key.rsplit_once('.')?;
-        // Formats of channels stay as the row has them.
+        // `TEXTURE.format` is no parameter of a pass: references keep the formats that the project declares.
         (name == pass.name && parameter != "format").then_some((parameter, value.trim()))
     });
     match &mut pass.kind {

@@ -73,7 +73,7 @@ impl RayBackend for ReferenceRays {
         true
     }
 
-    /// True for references of the picture, which trace nothing here, and for references of many samples. [`Self::run`] refuses the others.
+    /// References of the picture trace nothing here, and those of many samples trace spheres. For the others [`Self::run`] refuses spheres.
     fn traces_spheres(&self) -> bool {
         true
     }

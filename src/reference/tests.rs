@@ -64,7 +64,7 @@ fn with_a_fixed_number_of_samples_an_error_depends_on_the_row_alone() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut found = [None, None];
         for index in order {
-            // Each row is measured by another process, with one folder of references.
+            // Each row has its own `References`, as in a process of its own; all share one folder.
             let mut references = references(folder.path(), 60).with_samples(samples);
             let error = references.compare(&cases[index], &pictures[index], &mut Silent).expect("compared");
             found[index] = Some(error);

@@ -92,7 +92,7 @@ pub(super) struct Collector<'a> {
     judges: HashMap<Judge, Case>,
     /// By project, view and ray backend (if not the report's): weight, pixels, triangles and frame time of the last row.
     known: HashMap<(String, bool, Option<BackendChoice>), Known>,
-    /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
+    /// Time to open the project of the last row, milliseconds per triangle: of a row without rays, and of one by rays.
     setup_ms: [f64; 2],
     /// Scenes of the rows so far, kept for later rows.
     scenes: KeptScenes,
@@ -241,7 +241,7 @@ impl<'a> Collector<'a> {
             set: entry.set.clone(),
             aa: entry.aa,
             max_memory: self.request.max_memory,
-            // Copies of the projects have scenes of their own.
+            // Copies of the projects with a generated square have scenes of their own.
             scenes: if place.triangles.is_none() { self.scenes.clone() } else { KeptScenes::default() },
             ..Settings::default()
         };
@@ -258,7 +258,7 @@ impl<'a> Collector<'a> {
         case.effect = entry.effect.to_owned();
         case.technique = entry.technique;
         if let Some(triangles) = place.triangles {
-            // Names of temporary folders are meaningless in keys.
+            // The path of a temporary folder would be meaningless in a key.
             case.key = format!("square of {triangles} triangles | {} | {:?} | {:?}", entry.file, place.size, entry.set);
         }
         if let Some(lights) = place.lights {
@@ -271,7 +271,7 @@ impl<'a> Collector<'a> {
         Ok(case)
     }
 
-    /// Expected time of a frame, milliseconds: a row of the same project grown in proportion to its work, or a guess.
+    /// Expected time of a frame, milliseconds: that of an earlier row of the same project, scaled with the work; else a guess.
     fn expected_ms(&self, entry: &Entry, place: &Place<'_>) -> f64 {
         let pixels = pixels(place.size);
         let triangles = place.triangles.map_or(self.scene.triangles as f64, |triangles| triangles as f64);
@@ -331,7 +331,7 @@ impl<'a> Collector<'a> {
         let options = MeasureOptions { frames, warmup };
         let Ran { row, picture, opened_ms, names } = match place.threads {
             None => run(&case, &options, observer),
-            // No progress of single steps is shown there.
+            // On a separate pool no progress of single steps is shown.
             Some(threads) => rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
@@ -375,7 +375,7 @@ impl<'a> Collector<'a> {
         };
         let case = self.case(entry, &place);
         if case.as_ref().is_ok_and(|case| self.file.rows.iter().any(|row| row.key == case.key)) {
-            // If the scene has no view of the panes, that row would repeat the one before.
+            // If the project has no camera near the panes, an entry in their view would repeat an earlier row.
             self.done += 1;
             return Ok(());
         }
@@ -496,7 +496,7 @@ impl<'a> Collector<'a> {
         let case = self.judges.get(&judge_of(entry, row)).unwrap_or(case).clone();
         let compared = match (&self.request.made, self.references.picture(&case, observer)) {
             (Some(writes), Err(ReferenceError::NoPicture(_))) => {
-                // The projects' own folder is temporary.
+                // The projects' folder is temporary, so the command names the folder that `writes` makes.
                 let file = case.project.strip_prefix(&self.request.projects).unwrap_or(Path::new(entry.file));
                 let lasting = Case { project: Path::new(PROJECTS).join(file), ..case };
                 let makes = reference::command_of_picture(&lasting);
@@ -511,7 +511,7 @@ impl<'a> Collector<'a> {
         compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
     }
 
-    /// The error of a picture against the reference of an effect and a view, which must exist.
+    /// The error of a picture against the reference of the case of `judge`, which [`Self::judges`] must contain.
     fn against(&mut self, judge: &Judge, picture: &Image, observer: &mut dyn Observer) -> RowError {
         let compared = self.references.compare(&self.judges[judge], picture, observer);
         for warning in self.references.take_warnings() {
@@ -520,7 +520,7 @@ impl<'a> Collector<'a> {
         compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
     }
 
-    /// Error of a frame without an effect, against the effect's reference in a view.
+    /// Error of a frame without an effect, against the effect's reference in a view; `None` if there is no such frame or reference.
     fn without(&mut self, effect: Effect, view: &str, observer: &mut dyn Observer) -> Option<Without> {
         let judge = (effect.id().to_owned(), view.to_owned(), 1);
         let (row, picture) = self.plain.get(view).filter(|_| self.judges.contains_key(&judge))?.clone();
@@ -568,7 +568,7 @@ impl<'a> Collector<'a> {
         let reference = judged.and_then(|judge| self.references.get(judge, observer).ok());
         section.pictures.retain(|picture| picture.role != "reference");
         section.pictures.push(shown);
-        // The page shows raster first, and the reference last.
+        // The page shows pictures by raster first, then those by rays, and the reference last.
         section.pictures.sort_by_key(|picture| picture.role == "rays");
         let Some(reference) = reference else { return Ok(()) };
         section.pictures.push(Picture {
@@ -617,7 +617,7 @@ impl<'a> Collector<'a> {
 struct Ran {
     row: BenchRow,
     picture: Image,
-    /// Time to open the project, milliseconds, without the time that kept scenes save.
+    /// Time to open the project, milliseconds. It includes loading the scene only if no earlier row has kept it.
     opened_ms: f64,
     /// Names of the scene's files.
     names: Vec<String>,

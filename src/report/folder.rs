@@ -110,7 +110,7 @@ fn make(path: &Path) -> Result<(), FolderError> {
     files::create_folder(path).map_err(|error| FolderError::Io { path: path.to_owned(), error })
 }
 
-/// Checks that a report may be written there.
+/// Checks that `target` is free, empty, or holds nothing but an earlier report.
 fn check(target: &Path) -> Result<(), FolderError> {
     let occupied = |why: String| Err(FolderError::Occupied { path: target.to_owned(), why });
     if !target.exists() {

@@ -91,7 +91,7 @@ mod tests {
                 assert!(other.direction.expect("a direction").distance(direction) > 0.5 && other.name != light.name);
             }
         }
-        // A copy of the copy with a single light has the project's own light again.
+        // With a single light, only the project's own light is left.
         shine(&mut project, 1).expect("it has lights");
         assert_eq!(shining(&project), [[0]; 2]);
         assert_eq!(project.lights[0].direction, shipped("SceneShadows.xml").lights[0].direction);

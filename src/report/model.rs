@@ -127,7 +127,7 @@ pub struct Section {
     pub settings: Vec<Setting>,
 }
 
-/// A frame without the effect, judged by the effect's reference: an effect is worth its time only if its error is less.
+/// A frame without the effect, judged by the effect's reference. A setting is useful only if its error is at most half of this frame's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Without {
     /// Key of the frame's row.
@@ -222,7 +222,7 @@ pub struct ScalingSeries {
     pub technique: Technique,
     /// Keys of the rows, from few to many.
     pub rows: Vec<String>,
-    /// The quantity of each row, if the row itself does not contain it.
+    /// The quantity of each row: lights, samples or threads. Empty for triangles and pixels, which the rows contain.
     #[serde(default)]
     pub amounts: Vec<f64>,
 }
@@ -262,7 +262,7 @@ impl ReportData {
         section.settings.iter().filter_map(|setting| Some((setting, self.row(&setting.row)?)))
     }
 
-    /// The row without any effect in a view: the cost of the G-buffer alone.
+    /// The row without any effect in a view, or else in the first view that has one: the cost of the G-buffer alone.
     #[must_use]
     pub fn base(&self, view: &str) -> Option<&BenchRow> {
         let plain = |row: &&BenchRow| row.technique == Technique::None && row.effect == "none" && row.size == self.size;

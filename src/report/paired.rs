@@ -12,13 +12,13 @@ use crate::bench::measure::frames;
 use crate::bench::model::{BenchRow, PairedRounds};
 use crate::pipeline::executor::{Observer, StepKind};
 
-/// Number of rounds of one effect if the time suffices.
+/// Greatest number of rounds of one effect.
 const MOST_ROUNDS: u32 = 12;
-/// Least number of rounds in which more than two rows are measured.
+/// More than two rows are measured only if at least this number of rounds fits into the time.
 const MANY: u32 = 9;
 /// Greatest number of settings of each technique that take part.
 const SETTINGS: usize = 2;
-/// Greatest number of frames of a row in a round, and the least number if the time suffices.
+/// Greatest and least number of frames of a row in a round. If the time is too short even for the least, a row has a single frame.
 const FRAMES: (u32, u32) = (5, 3);
 
 /// A row that takes part.
@@ -31,7 +31,7 @@ struct Rival {
     frame_ms: f64,
     /// Time to build its structures, seconds. The scene is kept and not loaded again.
     setup_s: f64,
-    /// Memory while it is open.
+    /// Approximate memory while its project is open, bytes.
     bytes: u64,
 }
 
@@ -212,7 +212,7 @@ fn rounds(
             times[index] = row.frame.median;
             match &mut totals[index] {
                 Some(total) => {
-                    // The scene was loaded only once.
+                    // The setup was done once, and the first round's row has it.
                     row.setup.clear();
                     total.add(&row);
                 }

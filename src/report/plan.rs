@@ -55,13 +55,13 @@ pub enum Stage {
     Paired,
     /// Several samples a pixel.
     PixelSamples,
-    /// Further rounds of all rows of the stages before.
+    /// Further rounds of all rows of [`Self::Effects`] and [`Self::Settings`].
     Rounds,
     /// Other window sizes.
     Pixels,
     /// Other numbers of lights.
     Lights,
-    /// Pools of fewer threads.
+    /// Thread pools of different sizes.
     Threads,
     /// Other scenes.
     Triangles,
@@ -70,7 +70,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// The share of the time that is used up when this stage ends. It leaves some time for later stages.
+    /// The greatest share of the whole time that may be used up when this stage ends. It leaves some time for later stages.
     #[must_use]
     pub fn until(self) -> f64 {
         match self {
@@ -157,7 +157,7 @@ fn is_screen(file: &str) -> bool {
     file.contains("Screen")
 }
 
-/// Values for rays that screen space does not answer, indexed by the first number of a setting.
+/// Values of the parameter `missing`: what answers rays that screen space does not answer.
 const MISSING: [&str; 3] = ["cube", "none", "rays"];
 
 /// Rays a pixel of the default rows of ambient occlusion and soft shadows.
@@ -171,7 +171,7 @@ pub const SUN: &str = "pass2.sun=0.53";
 #[must_use]
 pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entry> {
     let mut entries = whole();
-    // It comes later, since no verdict needs it.
+    // The dummy row comes later, since no verdict needs it.
     let dummy = entries.pop();
     for effect in IN_TURN {
         entries.push(rays(effect, None));
@@ -537,7 +537,7 @@ pub const LIGHT_COUNTS: [u32; 4] = [1, 2, 4, 8];
 /// Rays to each light's disc in the scaling by lights.
 const LIGHT_SAMPLES: u32 = 4;
 
-/// The lines of the scaling by lights: without effects, hard shadows and, if the time suffices, soft shadows. Shadows are traced, since raster
+/// The lines of the scaling by lights: without effects, hard shadows and, except in the short report, soft shadows. Shadows are traced, since raster
 /// effects support one light only. Occlusion does not depend on lights.
 #[must_use]
 pub fn light_lines(wanted: &Wanted) -> Vec<Entry> {

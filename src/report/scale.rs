@@ -56,7 +56,7 @@ pub(super) fn by_pixels(
     Scaling { against: Against::Pixels, series }
 }
 
-/// Measures the user's scene on pools of fewer threads, with the engines of the processor.
+/// Measures the user's scene on thread pools of different sizes, with the engines of the processor.
 pub(super) fn by_threads(
     collector: &mut Collector<'_>,
     counts: &[usize],
@@ -110,7 +110,7 @@ pub(super) fn by_lights(
     Scaling { against: Against::Lights, series }
 }
 
-/// Takes the settings of the effects that differ only in their samples, without measuring again.
+/// Collects the measured settings of ambient occlusion and soft shadows into one line for each series. Measures nothing.
 pub(super) fn by_samples(collector: &Collector<'_>) -> Scaling {
     let mut lines: Vec<(ScalingSeries, Vec<(f64, String)>)> = Vec::new();
     for effect in [Effect::Occlusion, Effect::SoftShadows] {
@@ -134,7 +134,7 @@ pub(super) fn by_samples(collector: &Collector<'_>) -> Scaling {
     Scaling { against: Against::Samples, series }
 }
 
-/// Rays, or depths read, for each point, from the parameters of a row.
+/// Rays, or depths read, for each point, from the parameters of a row; `None` if they set neither.
 fn samples(set: &[String]) -> Option<f64> {
     let number = |name: &str| {
         let of = |one: &String| one.strip_prefix("pass2.")?.strip_prefix(name)?.strip_prefix('=')?.parse::<f64>().ok();
@@ -156,8 +156,8 @@ pub(super) fn by_triangles(
         .map(|line| Entry { stage: Stage::Triangles, ..line })
         .collect();
     let mut series = empty(&lines);
-    // Time to generate and write the last scene. At first, most of it is for the textures, which all scenes share. A
-    // triangle takes about 0.7 microseconds on an idle machine.
+    // Time to generate and write the previous scene; the first value is a guess, mostly for the textures, which all scenes share.
+    // A triangle is expected to add 2 microseconds; it takes about 0.7 on an idle machine.
     let mut generation_s = 0.5;
     let per_triangle_s = 2e-6;
     for triangles in collector.request.wanted.triangles.clone() {
@@ -207,7 +207,7 @@ fn measure_lines(
         match collector.row(&shown, place, told, observer) {
             Ok((_, mut row, _)) => {
                 row.label.clone_from(&line.label);
-                // The copy's folder is temporary.
+                // The folder of a copied project is temporary.
                 row.project = line.file.into();
                 row.error = crate::bench::model::RowError::Missing("only the time was asked for".to_owned());
                 series.rows.push(row.key.clone());

@@ -180,13 +180,14 @@ fn in_time(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     (!parts.is_empty()).then(|| format!("At 60 frames a second ({ms} a frame) each alone is {}.", parts.join("; ")))
 }
 
-/// A sentence about the time of all chosen settings in one frame: the frame without effects, plus what each setting adds.
+/// A sentence about the time of all chosen settings in one frame: the frame without effects, plus what each setting adds. `None` for fewer
+/// than two settings.
 fn together(data: &ReportData, verdicts: &[Verdict]) -> Option<String> {
     let mut sum = 0.0;
     let mut count = 0;
     let mut base_ms = 0.0_f64;
     let soft = |verdict: &&Verdict| verdict.effect != Effect::SoftShadows;
-    // A frame has either hard or soft shadows.
+    // A frame has either hard or soft shadows, so soft ones are left out of the sum.
     for verdict in verdicts.iter().filter(soft) {
         if let Advice::Choose { .. } | Advice::NoDifference { .. } | Advice::NotCertain { .. } = &verdict.advice {
             let base = data.base(&data.section(verdict.effect)?.view)?.frame.median;

@@ -41,7 +41,7 @@ fn against(rmse: f64) -> RowError {
     }
 }
 
-/// A row of `ms` milliseconds. `rmse` of 0 is an exact picture.
+/// A row whose frames take about `ms` milliseconds; each step takes a fixed share of that.
 fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) -> BenchRow {
     let step = |kind, name: &str, share: f64, rays: Option<u64>| BenchStep {
         kind,
@@ -206,7 +206,7 @@ fn the_cheapest_setting_within_the_error_is_chosen_and_the_other_technique_stand
     assert!(text.contains("whose error is at most 0.020 (RMSE of the effect)"), "{text}");
     assert!(text.contains("Rasterise shadows (by shadow map: 4.00 ms, RMSE 0.015; by shadow <rays> takes"), "{text}");
     assert!(text.contains("Not measured: soft shadows, reflection, refraction and ambient occlusion"), "{text}");
-    // The requested error is smaller.
+    // The error by raster, 0.015, exceeds the requested error now.
     data.within = 0.01;
     assert!(matches!(advice(&data), Advice::Choose { best, other: None } if best.technique == Technique::Rays));
     let text = in_short(&data).join(" ");
@@ -319,7 +319,7 @@ struct Machine {
 enum Drift {
     /// No drift.
     Still,
-    /// Between slots of time, the duration changes by a factor whose logarithm is a random walk.
+    /// Between slots of time, the duration changes by a random factor; its logarithm makes a random walk.
     Walks,
     /// Between slots of time, the duration switches at random between 1 and 1.5 times its first value.
     Steps,
@@ -368,7 +368,7 @@ fn right(rays_ms: f64, raster_ms: f64) -> usize {
     }
 }
 
-/// Verdicts of 300 simulated reports with this number of paired rounds, and of frames in each: trace, rasterise, no difference.
+/// Numbers of verdicts of 300 simulated reports with these numbers of paired rounds and of frames in each: trace, rasterise, no difference.
 fn simulated(rays_ms: f64, raster_ms: f64, (rounds, frames): (usize, usize), drift: Drift) -> [usize; 3] {
     let mut machine = Machine::new(drift);
     let mut counts = [0; 3];
@@ -383,7 +383,7 @@ fn simulated(rays_ms: f64, raster_ms: f64, (rounds, frames): (usize, usize), dri
             for turn in 0..2 {
                 let row = (round + turn) % 2;
                 found[row] = Stats::new(machine.frames(times[row], frames)).expect("samples").median;
-                // A round takes a hundredth of the time between rows.
+                // Between rows of a round, a hundredth of the time passes that passes between rows measured one after the other.
                 machine.pass(0.01);
             }
             data.bench.paired[0].rounds.push(found);
@@ -438,7 +438,7 @@ fn a_machine_whose_speed_drifts_changes_no_verdict() {
                 let counts = simulated(rays, raster, rounds, drift);
                 assert!(counts[right] >= 297, "{rounds:?}, {rays} and {raster} ms: {counts:?}");
             }
-            // With six rounds, fewer verdicts are certain, but none is wrong.
+            // With six rounds, fewer verdicts name the cheaper technique, but none names the dearer one.
             let counts = simulated(rays, raster, (6, 5), drift);
             assert!(counts[right] >= 270 && counts[right] + counts[2] >= 300, "{rays} and {raster} ms: {counts:?}");
         }
@@ -679,7 +679,7 @@ fn the_passes_of_a_row_are_drawn_with_their_times_on_the_edges() {
     let data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
     let graph = &data.sections[0].graphs[0];
     let plot = plots::pass_graph(graph, &data.bench.rows[1]).expect("a plot");
-    // 0.4 and 0.55 of 4 ms, by the steps of the row.
+    // The steps of `pass1` take 0.4 of 4 ms, and those of `pass2` 0.55.
     for word in
         ["pass2: does &lt;pass2&gt;", "1.60 ms, pos", "1.60 ms, color", "2.20 ms, test", "the window: 4.00 ms a frame"]
     {

@@ -68,7 +68,7 @@ pub enum Advice {
     Choose {
         /// The setting to use.
         best: Candidate,
-        /// The other technique's cheapest setting within the error, and the ratio of its time to that of `best`.
+        /// The other technique's cheapest setting within the error, and the ratio of its time to that of `best`; `None` if it has none.
         other: Option<(Candidate, Interval)>,
     },
     /// Both techniques have a setting within the error, and neither is surely cheaper.
@@ -108,9 +108,9 @@ pub enum Advice {
 /// Whether a frame's time is within a limit, by the interval of its median.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fit {
-    /// The whole interval is below the limit.
+    /// The whole interval is at or below the limit.
     Yes,
-    /// The limit lies in the interval.
+    /// The limit lies in the interval, or there is no interval.
     AtTheLimit,
     /// The whole interval is above the limit.
     No,
@@ -126,7 +126,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// The setting that the advice is about; if there is no difference between two, the one with the lower median.
+    /// The setting that the advice is about; of two, the one with the lower median. `None` if no setting was measured.
     #[must_use]
     pub fn setting(&self) -> Option<&Candidate> {
         match &self.advice {
@@ -203,7 +203,7 @@ fn quality(error: &RowError) -> Result<Quality, String> {
 
 /// The candidates between which paired rounds must decide.
 enum Field<'a> {
-    /// None: the advice follows without comparing times of different techniques.
+    /// There are no such candidates: the advice follows without comparing times of different techniques.
     Decided(Box<Advice>),
     /// The settings by rays, and those by raster, that are within the error; the cheapest first.
     Rivals([Vec<&'a Candidate>; 2]),
@@ -272,8 +272,8 @@ pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, within: f64
     }
 }
 
-/// The cheapest setting of one technique in paired rounds, with its times there. `None` if the rounds contain no setting of `side`, or if
-/// another setting may be far cheaper.
+/// The cheapest setting of one technique in paired rounds, with its times in these rounds. `None` if they contain no setting of `side`, or if
+/// another setting of `side` may be far cheaper.
 fn cheapest<'a>(side: &[&'a Candidate], rounds: &PairedRounds) -> Option<(&'a Candidate, Vec<f64>)> {
     let timed = |candidate: &&'a Candidate| Some((*candidate, rounds.of(&candidate.key)?));
     let by_median = |(_, a): &(_, Vec<f64>), (_, b): &(_, Vec<f64>)| median(a).total_cmp(&median(b));

@@ -22,9 +22,9 @@ const FILTERED_RAYS: [(u32, u32); 5] = [(1, 2), (2, 2), (4, 1), (4, 2), (8, 1)];
 const SECTORS: [(u32, u32, u32); 3] = [(2, 4, 1), (4, 8, 0), (8, 16, 0)];
 /// Side of shadow maps, in quarters of the side that fits the picture, and number of filtered texels on each side of the central one.
 const SHADOW_MAPS: [(u32, u32); 7] = [(2, 0), (4, 0), (4, 1), (8, 0), (8, 1), (16, 0), (16, 1)];
-/// Settings of shadow maps where rays decide the borders of shadows.
+/// As [`SHADOW_MAPS`], for maps where rays decide the borders of shadows.
 const BORDERED: [(u32, u32); 3] = [(2, 0), (4, 0), (4, 1)];
-/// Greatest number of planes of glass that mirror.
+/// Greatest numbers of planes of glass that act as mirrors.
 const PLANES: [u32; 4] = [1, 4, 16, 64];
 /// Side of a cube map's face, in quarters of the side that fits the picture.
 const CUBE_MAPS: [u32; 4] = [1, 2, 4, 8];
@@ -171,7 +171,7 @@ fn shared(program: EffectProgram, like: &EffectParams, size: [u32; 2]) -> Effect
     EffectParams { map_size, radius, intensity, index, fresnel, sun, texture_lod, ..EffectParams::default() }
 }
 
-/// Settings of an effect, from coarse to fine.
+/// Settings of an effect. Those that differ in one parameter only are ordered from coarse to fine.
 fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) -> Vec<EffectParams> {
     let reads = |name: &str| info.params.contains(&name);
     if reads("slices") {
@@ -225,8 +225,8 @@ fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
     }
 }
 
-/// An effect with the G-buffer channels that it reads and rays in its place do not read. They are taken from the target of its positions, into
-/// which the deferred program writes colour, position and normal in this order.
+/// Adds the colour and normal channels that an effect reads, but was not given because rays in its place do not read them. They are taken from
+/// the target of its positions, into which the deferred program writes colour, position and normal in this order.
 fn with_buffers(project: &Project, effect: EffectPass) -> EffectPass {
     let Some(ChannelRef { target, channel: 1 }) = effect.position else { return effect };
     let info = effect.program.info();
@@ -284,7 +284,7 @@ fn effect_label(pass: &EffectPass) -> String {
     let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;
     let said = SAID.iter().filter(|name| info.params.contains(name) && !(without_maps && **name == "mapsize"));
     let usual = EffectParams::default();
-    // These are named only where they differ from the defaults.
+    // `OPTIONS` are named only where they differ from the defaults.
     let options = OPTIONS.iter().filter(|name| info.params.contains(name) && pass.params.get(name) != usual.get(name));
     said.chain(options).fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))
 }

@@ -20,7 +20,7 @@ pub struct Trial {
     pub variant: Variant,
     /// Times of all frames measured, milliseconds.
     pub frames_ms: Vec<f64>,
-    /// The picture's error.
+    /// The picture's error, the largest of all runs; infinite if a later run failed.
     pub error: f64,
 }
 
@@ -37,7 +37,7 @@ impl Trial {
         median(&self.frames_ms)
     }
 
-    /// Confidence interval of the median.
+    /// Confidence interval of the median; both ends are infinite if it has none.
     #[must_use]
     pub fn interval(&self) -> Interval {
         Interval::of_median(&self.frames_ms).unwrap_or(Interval { low: f64::INFINITY, high: f64::INFINITY })

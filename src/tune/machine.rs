@@ -106,7 +106,7 @@ impl<'a> Bench<'a> {
     /// it is needed.
     ///
     /// # Errors
-    /// If that reference is not stored; the message has the command that makes it.
+    /// If that reference is not stored, with the command that makes it; or if the picture cannot have one.
     pub fn check_reference(&mut self) -> Result<Option<f64>, ReferenceError> {
         match self.of {
             Of::Effect => Ok(None),
@@ -114,7 +114,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Renders and judges a project file as variants are.
+    /// Renders a project file and judges its picture, in the same way as for a variant.
     ///
     /// # Errors
     /// Why it cannot be rendered or judged.
@@ -122,7 +122,7 @@ impl<'a> Bench<'a> {
         let case = Case::new(path, self.settings.clone(), self.choice).map_err(|error| error.joined())?;
         let measured = measure(&case, &self.options, self.observer).map_err(|error| error.joined())?;
         let (frames_ms, picture) = (measured.row.frame.samples, measured.picture);
-        // The scene is released before that of the reference is loaded.
+        // Frees the project's scene before the reference's scene is loaded.
         drop(measured.renderer);
         let compared = match self.of {
             Of::Effect => self.references.compare(&case, &picture, self.observer),

@@ -9,7 +9,7 @@ const COMBINATIONS: usize = 6;
 const MOST_ESTIMATED: usize = 100_000;
 /// Number of best variants that are measured again: the chosen one and the two next best.
 const FINALISTS: usize = 3;
-/// Number of further runs of each of them in a turn.
+/// Number of further runs of each finalist in a turn.
 const AGAIN: usize = 2;
 /// Greatest number of turns. They end earlier when the best three stay the same.
 const TURNS: usize = 4;
@@ -91,8 +91,8 @@ impl Search<'_> {
         }
     }
 
-    /// The combinations with the best estimates that change more than one slot. The estimated time is the declared frame's time plus the
-    /// difference that each candidate makes. Differences of squared errors are added likewise, as if the errors of passes were independent.
+    /// The variants with the best estimates among those that change more than one slot. The estimated time is the declared frame's time plus
+    /// the difference that each candidate makes. Differences of squared errors are added likewise, as if the errors of passes were independent.
     fn combinations(&self, counts: &[usize]) -> Vec<Variant> {
         let alone = |slot: usize, candidate: usize| {
             self.trials.iter().find(|trial| {
@@ -124,7 +124,7 @@ impl Search<'_> {
     }
 }
 
-/// All variants, counted up with the first slot the fastest.
+/// All variants; the candidate of the first slot changes fastest.
 fn variants(counts: &[usize]) -> impl Iterator<Item = Variant> {
     let total = counts.iter().try_fold(1_usize, |product, count| product.checked_mul(*count)).unwrap_or(usize::MAX);
     let counts = counts.to_vec();

@@ -12,8 +12,8 @@ const LONGEST: u64 = 4096;
 const CHUNK: usize = 1 << 20;
 
 /// Pairs in a text file: two ids a line, separated by a comma, a semicolon or blanks. Empty lines and lines that begin with `#` are
-/// skipped, as are a first line of column names and a line that begins with `a,b`. Anything after two ids is ignored, so a file of
-/// rows is a valid list.
+/// skipped, as are column names: a first line that does not begin with a number, or any line that begins with `a,b`. Anything after two
+/// ids is ignored, so a file of rows is a valid list.
 #[derive(Debug)]
 pub struct ListedPairs {
     path: PathBuf,

@@ -28,7 +28,7 @@ pub struct Loaded {
     pub warnings: Warnings,
 }
 
-/// Whether a material is not fully opaque: by transmission, by opacity, or by a texture that cuts it out.
+/// Whether a material is not fully opaque: by transmission, by opacity, or by an alpha cutoff above 0.
 #[must_use]
 pub fn is_see_through(material: &Material) -> bool {
     let cut = material.alpha_cutoff.is_some_and(|cutoff| cutoff > 0.0);

@@ -2,7 +2,8 @@
 //!
 //! Rows are appended to `OUT.part`. After each block a line is appended to `OUT.part.journal`: the number of complete bytes, the
 //! position of the next pairs, and the hash of the block; a hash of the line itself reveals a truncated line. At the end the file
-//! is synchronised and renamed, and the journal removed. A resumed run recomputes everything after the journal's last complete line.
+//! is synchronised and renamed, and the journal removed. A resumed run recomputes everything after the last complete line of the journal
+//! whose block is intact.
 
 use super::Format;
 use crate::passes::visibility::{Cursor, PairSource, Row, RowFinder};
@@ -26,7 +27,7 @@ pub struct Target {
     pub path: PathBuf,
     /// Format of the file.
     pub format: Format,
-    /// A line with everything that the rows depend on; a run continues only one with the same line.
+    /// A line with everything that the rows depend on; only an interrupted run with the same line is continued.
     pub about: String,
     /// Whether to continue an interrupted run, if there is one.
     pub resume: bool,
@@ -55,10 +56,10 @@ pub enum StreamError {
     Engine(#[from] BackendError),
 }
 
-/// Counts of a run.
+/// Numbers of pairs and segments of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Summary {
-    /// Number of pairs of each class.
+    /// Number of pairs of each class: never, open, closed, sampled.
     pub classes: [u64; 4],
     /// Number of segments of sampled pairs.
     pub samples: u64,
@@ -123,7 +124,7 @@ fn failed(path: &Path) -> impl Fn(io::Error) -> StreamError + '_ {
     |error| StreamError::File { path: path.display().to_string(), error }
 }
 
-/// Turns what goes wrong with an open file into an error that names the file.
+/// Does some work on an open file; its error names the file.
 fn at<T>(file: &mut Growing, work: impl FnOnce(&mut Growing) -> io::Result<T>) -> Result<T, StreamError> {
     work(file).map_err(failed(file.path()))
 }
@@ -167,7 +168,7 @@ impl Files {
         at(&mut self.marks, |marks| marks.read_to_end(&mut text))?;
         let text = String::from_utf8_lossy(&text);
         if length == 0 || !text.contains('\n') {
-            // Not even the header or the title is complete.
+            // The file of rows is empty, or the journal's first line is not complete.
             return Ok(None);
         }
         let Some(lines) = text.strip_prefix(title) else {
@@ -202,9 +203,9 @@ impl Files {
     }
 }
 
-/// Writes the rows of all pairs of a source; `progress` counts the pairs done.
+/// Writes the rows of all pairs of a source; `progress` counts in the units of [`PairSource::progress`].
 ///
-/// Holds one block at a time, whatever the number of pairs.
+/// Holds the rows of one block at a time, whatever the number of pairs.
 ///
 /// # Errors
 /// If a file cannot be read or written, the pairs are in error, the engine fails, or an interrupted run is in the way. The rows

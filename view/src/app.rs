@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// How long a notice stays.
+/// How long a message about the last action stays.
 const NOTICE: Duration = Duration::from_secs(3);
 
 /// How two pictures are shown.
@@ -21,7 +21,7 @@ pub enum Mode {
     Wipe,
     /// The two pictures alternate.
     Flicker,
-    /// A map of their differences.
+    /// A map of the differences of the two pictures.
     Difference,
 }
 
@@ -36,9 +36,9 @@ pub struct App {
     pub state: State,
     /// Zoom and position of the picture.
     pub canvas: Canvas,
-    /// The output that was clicked.
+    /// The output that a click or a key pinned; `None` if none is pinned.
     pub pinned: Option<Output>,
-    /// The output whose row the pointer is over.
+    /// The output whose row the pointer is over; `None` if it is over no row.
     pub hovered: Option<Output>,
     /// The output that the thread was last asked to show.
     pub(crate) asked: Output,
@@ -50,7 +50,7 @@ pub struct App {
     pub mode: Mode,
     /// Where the line of [`Mode::Wipe`] is, as a share of the picture's width.
     pub wipe: f32,
-    /// Whether that line is dragged.
+    /// Whether the line of [`Mode::Wipe`] is dragged.
     pub(crate) holds_line: bool,
     /// The left side of a comparison.
     pub left: Side,
@@ -64,9 +64,9 @@ pub struct App {
     pub refine: bool,
     /// Whether rendering is paused.
     pub paused: bool,
-    /// The camera's pose while it is moved.
+    /// The camera's pose while it is moved; `None` at rest, when [`Facts::pose`] is in force.
     pub(crate) pose: Option<Pose>,
-    /// Speed of flying per second, as a share of the scene's radius.
+    /// Distance flown per second, as a share of the scene's radius.
     pub speed: f32,
     /// The pixel under the pointer.
     pub(crate) pointed: Option<[u32; 2]>,
@@ -160,7 +160,7 @@ impl App {
         (left.whole == right.whole).then_some([left, right])
     }
 
-    /// The picture whose pixels lie under the pointer: the left one of a comparison.
+    /// The picture whose pixels lie under the pointer: the left one of a comparison, otherwise the rendered one.
     #[must_use]
     pub fn seen(&self) -> Option<Arc<Picture>> {
         match self.compared() {
@@ -169,7 +169,7 @@ impl App {
         }
     }
 
-    /// Asks for the rays of a pixel of the rendered picture; `None` ends this.
+    /// Asks the thread for the rays of a pixel of the rendered picture; `None` ends showing rays.
     pub fn pick(&mut self, pixel: Option<[u32; 2]>) {
         let sizes = [self.seen(), self.state.picture.clone()].map(|picture| picture.map(|picture| picture.whole));
         if pixel.is_some() && sizes[0] != sizes[1] {
@@ -200,7 +200,7 @@ impl App {
         self.available.as_ref().is_some_and(|available| available.get().is_some())
     }
 
-    /// Looks for engines, once. It waits for the first picture, so that the search takes no processor time from rendering.
+    /// Looks for engines, once. The search waits for the first picture or a failure, so that it takes no processor time from rendering.
     pub(crate) fn look_for_engines(&mut self, context: &egui::Context) {
         if self.available.is_some() || (self.state.picture.is_none() && self.state.activity != Activity::Failed) {
             return;
@@ -208,7 +208,7 @@ impl App {
         let (found, told) = (Arc::new(OnceLock::new()), context.clone());
         self.available = Some(Arc::clone(&found));
         let look = move || {
-            // No other thread sets it.
+            // Only this thread sets it, so setting it cannot fail.
             let _ = found.set(Available::look());
             told.request_repaint();
         };
@@ -223,7 +223,7 @@ impl App {
         context.request_repaint_after(NOTICE);
     }
 
-    /// Keeps the shown picture and compares with it. Refused while the camera moves, since the picture may have fewer pixels then.
+    /// Keeps the shown picture and compares with it. Refused if the picture has fewer pixels, as it may while the camera moves.
     pub(crate) fn keep(&mut self, context: &egui::Context) {
         let Some(picture) = self.state.picture.clone() else { return };
         if picture.is_reduced() {
@@ -233,7 +233,7 @@ impl App {
         self.compare_with(Some(Side::Kept(picture)));
     }
 
-    /// Path for saving a picture, with a name that no file has yet.
+    /// Path for saving a picture: the first numbered name that no PNG, EXR or JSON file has yet; number 10 000 if all are taken.
     pub(crate) fn new_file(facts: &Facts) -> PathBuf {
         let stem = facts.source.file_stem().map_or_else(|| "picture".into(), |stem| stem.to_owned());
         let name = |number: u32| PathBuf::from(format!("{}-{number}", stem.display()));

@@ -3,7 +3,7 @@
 use curitiba::pipeline::project::Pose;
 use glam::{Quat, Vec3};
 
-/// Least angle between the view and the up vector, radians; below it, the picture's horizontal axis is numerical noise.
+/// Least angle between the view and the up vector or its opposite, radians; below it, the picture's horizontal axis is numerical noise.
 const LEAST_ANGLE: f32 = 0.02;
 
 /// The bounding box of a scene, in world space.
@@ -30,7 +30,7 @@ impl Bounds {
         self.low.midpoint(self.high)
     }
 
-    /// Half the diagonal of the box, above 0.
+    /// Half the diagonal of the box, at least 0.001.
     #[must_use]
     pub fn radius(&self) -> f32 {
         (0.5 * self.low.distance(self.high)).max(1e-3)
@@ -81,8 +81,8 @@ pub fn fly(pose: &Pose, by: Vec3) -> Pose {
 /// Moves the camera, without turning it, so that it looks at the centre of the scene and sees all of it. `aspect` is the window's ratio of
 /// width to height.
 ///
-/// What lies beyond the far plane is not drawn. If the scene is too deep for the far plane, the camera stays nearer, so that the far side of
-/// the scene is drawn; but its distance from the centre is at least half the far distance.
+/// What lies beyond the far plane is not drawn. If the scene is too deep for the far plane, the camera stays nearer to the centre, so
+/// that the far side of the scene is drawn; but not nearer than half the far distance.
 #[must_use]
 pub fn fit(pose: &Pose, bounds: &Bounds, aspect: f32, far: f32) -> Pose {
     let half = 0.5 * pose.fov_y;

@@ -1,5 +1,5 @@
-//! `curitiba-view`: the window. Exit codes: 0 closed; 1 no window can be opened, or the picture could not be rendered; 2 the command line
-//! is wrong.
+//! `curitiba-view`: the window. Exit codes: 0 if it was closed; 1 if it cannot be opened, an option cannot be applied or, with `--quit-after`,
+//! the picture cannot be rendered or the window not be written; 2 if the command line is wrong.
 #![forbid(unsafe_code)]
 
 use clap::Parser as _;
@@ -87,7 +87,7 @@ fn run(args: ViewArgs) -> Result<ExitCode, String> {
         files::confine(folder).map_err(|error| format!("--confine {}: {error}", folder.display()))?;
     }
     curitiba::threads::start(args.project.threads)?;
-    // The files recorded here are the files that are watched.
+    // Files that are read from here on are recorded, and watched for changes.
     files::record_files_read();
     let source = Source {
         path: args.project.path.clone(),

@@ -4,7 +4,7 @@ use crate::worker::Picture;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use std::sync::Arc;
 
-/// A texture with the picture that it was made from.
+/// A texture with the picture that it was made from, and whether it is magnified as squares.
 #[derive(Default)]
 pub(crate) struct Slot {
     held: Option<(Arc<Picture>, bool, TextureHandle)>,

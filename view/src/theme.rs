@@ -9,7 +9,7 @@ pub const YELLOW: Color32 = Color32::from_rgb(232, 184, 80);
 /// Colour of what is chosen.
 pub const BLUE: Color32 = Color32::from_rgb(96, 165, 230);
 
-/// Colours of passes, in order, with similar lightness.
+/// Colours of passes, in the order of the passes and repeated after eight, with similar lightness.
 const PASSES: [Color32; 8] = [
     Color32::from_rgb(92, 150, 220),
     Color32::from_rgb(226, 140, 72),
@@ -44,7 +44,7 @@ pub fn style(context: &Context) {
     });
 }
 
-/// Milliseconds with three digits.
+/// Milliseconds as text with three digits, or more from 1000 on.
 pub fn milliseconds(ms: f64) -> String {
     match ms {
         ms if ms < 10.0 => format!("{ms:.2} ms"),

@@ -33,7 +33,7 @@ pub mod place {
 
 /// Result code of every function; 0 is success.
 pub type OptixResult = c_int;
-/// Opaque objects of OptiX.
+/// Pointer to an opaque object of OptiX.
 pub type Handle = *mut c_void;
 /// An address in device memory.
 pub type DevicePointer = u64;
@@ -170,7 +170,7 @@ structs! {
     OptixPipelineLinkOptions(4) {
         max_trace_depth: c_uint,
     }
-    /// OptiX's union: a ray-generation, miss or exception program uses the first two fields.
+    /// OptiX's union after `flags`: a ray-generation, miss or exception program uses only `module` and `entry`.
     OptixProgramGroupDesc(56) {
         kind: c_int,
         flags: c_uint,

@@ -1,4 +1,4 @@
-//! Calls into OptiX's function table, each made safe for the one way in which it is used here.
+//! Calls into OptiX's function table, each wrapped for the one way in which it is used here.
 #![allow(unsafe_code, reason = "foreign functions found at run time")]
 
 use super::abi::*;
@@ -44,7 +44,7 @@ pub struct Pipeline {
 }
 
 // SAFETY: the pointers are handles and functions of OptiX, which may be used by any thread; each `Api` and `Pipeline` is used
-// by one at a time, as nothing here is `Sync`.
+// by one thread at a time, as neither is `Sync`.
 unsafe impl Send for Api {}
 // SAFETY: as above.
 unsafe impl Send for Pipeline {}
@@ -112,7 +112,7 @@ impl Api {
                 log_callback_level: 0,
                 validation_mode: 0,
             };
-            // SAFETY: by the invariant; the CUDA context is alive as long as `api.cuda`.
+            // SAFETY: by the invariants of `Api`; the CUDA context is alive as long as `api.cuda`.
             let result = unsafe {
                 let create: DeviceContextCreate = api.function(place::DEVICE_CONTEXT_CREATE);
                 create(cuda.cu_ctx().cast(), &raw const options, &raw mut api.context)
@@ -126,8 +126,8 @@ impl Api {
         ))
     }
 
-    /// Makes the context's device current for this thread, which may use another one. The first call may report an earlier failure instead,
-    /// hence the second; objects that cannot be released are released with the device.
+    /// Makes the context's device current for this thread, on which another device may be current. The first call may report an earlier failure
+    /// instead, hence the second; objects that cannot be released are released with the device.
     fn bind_for_release(&self) {
         let _ = self.cuda.bind_to_thread().or_else(|_| self.cuda.bind_to_thread());
     }
@@ -143,7 +143,7 @@ impl Api {
     /// `F` must be the type that the interface gives to the function at `place`.
     unsafe fn function<F: Copy>(&self, place: usize) -> F {
         const { assert!(size_of::<F>() == size_of::<*const c_void>()) };
-        // SAFETY: by the contract, the pointer is a function of type F; the query filled all places that are used.
+        // SAFETY: by the contract of this function, the pointer is a function of type F; the query filled all places that are used.
         unsafe { std::mem::transmute_copy(&self.table[place]) }
     }
 
@@ -151,7 +151,7 @@ impl Api {
         if result == 0 {
             return Ok(());
         }
-        // SAFETY: by the invariant; the function returns a string that is never freed.
+        // SAFETY: by the invariants of `Api`; the function returns a string that is never freed.
         let name = unsafe {
             let name: GetErrorName = self.function(place::GET_ERROR_NAME);
             CStr::from_ptr(name(result)).to_string_lossy().into_owned()
@@ -163,7 +163,7 @@ impl Api {
     /// Version of the GPU's ray-tracing cores; 0 if it has none.
     pub fn rt_core_version(&self) -> Result<u32, String> {
         let mut version = 0_u32;
-        // SAFETY: by the invariant; the property is one unsigned integer.
+        // SAFETY: by the invariants of `Api`; the property is one unsigned integer.
         let result = unsafe {
             let get: DeviceContextGetProperty = self.function(place::DEVICE_CONTEXT_GET_PROPERTY);
             get(self.context, DEVICE_PROPERTY_RTCORE_VERSION, (&raw mut version).cast(), size_of::<u32>())
@@ -211,7 +211,7 @@ impl Api {
         };
         let mut log = Log::new();
         let text = CString::new(ptx).map_err(|_| "the programs contain a zero byte".to_owned())?;
-        // SAFETY: by the invariant; all pointers live through the call, and the length includes no terminator that is not there.
+        // SAFETY: by the invariants of `Api`; all pointers live through the call, and the length counts the text with its terminating zero.
         let result = unsafe {
             let create: ModuleCreate = self.function(place::MODULE_CREATE);
             let length = text.as_bytes_with_nul().len();
@@ -239,7 +239,7 @@ impl Api {
         into.groups = vec![null_mut(); descriptions.len()];
         let group_options = OptixProgramGroupOptions { payload_type: null() };
         let mut log = Log::new();
-        // SAFETY: by the invariant; as many handles are written as groups are described.
+        // SAFETY: by the invariants of `Api`; as many handles are written as groups are described.
         let result = unsafe {
             let create: ProgramGroupCreate = self.function(place::PROGRAM_GROUP_CREATE);
             let (descriptions, count) = (descriptions.as_ptr(), descriptions.len() as u32);
@@ -250,7 +250,7 @@ impl Api {
 
         let link = OptixPipelineLinkOptions { max_trace_depth: 1 };
         let mut log = Log::new();
-        // SAFETY: by the invariant; the groups were created above.
+        // SAFETY: by the invariants of `Api`; the groups were created above.
         let result = unsafe {
             let create: PipelineCreate = self.function(place::PIPELINE_CREATE);
             let (options, link, groups) = (&raw const options, &raw const link, into.groups.as_ptr());
@@ -262,7 +262,7 @@ impl Api {
         self.set_stack_size(into)?;
         let headers = into.headers.iter_mut().zip(called).filter(|(_, group)| group.is_some());
         for ((header, _), group) in headers.zip(&into.groups) {
-            // SAFETY: by the invariant; a header has 32 bytes.
+            // SAFETY: by the invariants of `Api`; a header has 32 bytes.
             let result = unsafe {
                 let pack: SbtRecordPackHeader = self.function(place::SBT_RECORD_PACK_HEADER);
                 pack(*group, header.as_mut_ptr().cast())
@@ -285,7 +285,7 @@ impl Api {
                 continuation_callable: 0,
                 direct_callable: 0,
             };
-            // SAFETY: by the invariant.
+            // SAFETY: by the invariants of `Api`; the group was created, and the pipeline linked before.
             let result = unsafe {
                 let get: ProgramGroupGetStackSize = self.function(place::PROGRAM_GROUP_GET_STACK_SIZE);
                 get(*group, &raw mut sizes, pipeline.pipeline)
@@ -305,7 +305,7 @@ impl Api {
     /// Releases what [`Self::pipeline`] made.
     pub fn destroy(&self, pipeline: &Pipeline) {
         self.bind_for_release();
-        // SAFETY: by the invariant; objects that were not made are null and left out. Results are of no use here.
+        // SAFETY: by the invariants of `Api`; objects that were not made are null and left out. Result codes are of no use here.
         unsafe {
             let end = |place: usize, handle: Handle| {
                 let destroy: Destroy = self.function(place);
@@ -375,7 +375,7 @@ impl Api {
     pub fn build_sizes(&self, mesh: &Mesh<'_>) -> Result<BuildSizes, String> {
         let mut sizes = OptixAccelBufferSizes { output: 0, temp: 0, temp_update: 0 };
         let result = Self::with_input(mesh, |input, options| {
-            // SAFETY: by the invariant; nothing on the device is read.
+            // SAFETY: by the invariants of `Api`; the call reads nothing on the device.
             unsafe {
                 let compute: AccelComputeMemoryUsage = self.function(place::ACCEL_COMPUTE_MEMORY_USAGE);
                 compute(self.context, options, input, 1, &raw mut sizes)
@@ -385,7 +385,7 @@ impl Api {
         Ok(BuildSizes { output: sizes.output, temporary: sizes.temp })
     }
 
-    /// Starts building over a mesh. The size in bytes that the structure really needs is written to `compacted`, as 64 bits.
+    /// Starts building over a mesh. The structure's compacted size in bytes is written to `compacted`, as 64 bits.
     ///
     /// # Safety
     /// All addresses must be of live device memory, of the sizes given by [`Self::build_sizes`] and the mesh, until the stream has come to
@@ -400,7 +400,7 @@ impl Api {
         let mut handle = 0;
         let emit = OptixAccelEmitDesc { result: compacted, kind: PROPERTY_TYPE_COMPACTED_SIZE };
         let result = Self::with_input(mesh, |input, options| {
-            // SAFETY: by the invariant and the contract.
+            // SAFETY: by the invariants of `Api` and the contract of this function.
             unsafe {
                 let build: AccelBuild = self.function(place::ACCEL_BUILD);
                 let (structure, property) = (&raw mut handle, &raw const emit);
@@ -411,7 +411,7 @@ impl Api {
         self.check("building the structure", result, "").map(|()| handle)
     }
 
-    /// Starts copying a structure to memory of the size that it really needs.
+    /// Starts copying a structure to memory of its compacted size.
     ///
     /// # Safety
     /// As for [`Self::build`].
@@ -423,7 +423,7 @@ impl Api {
         bytes: usize,
     ) -> Result<Traversable, String> {
         let mut handle = 0;
-        // SAFETY: by the invariant and the contract.
+        // SAFETY: by the invariants of `Api` and the contract of this function.
         let result = unsafe {
             let compact: AccelCompact = self.function(place::ACCEL_COMPACT);
             compact(self.context, stream, structure, output, bytes, &raw mut handle)
@@ -431,7 +431,7 @@ impl Api {
         self.check("compacting the structure", result, "").map(|()| handle)
     }
 
-    /// Starts a pipeline.
+    /// Starts a pipeline with `width` x `height` threads.
     ///
     /// # Safety
     /// `params` and `records` must be live device memory: the launch parameters as the programs read them, with everything that they point
@@ -458,7 +458,7 @@ impl Api {
             callables_record_stride: 0,
             callables_record_count: 0,
         };
-        // SAFETY: by the invariant and the contract.
+        // SAFETY: by the invariants of `Api` and the contract of this function.
         let result = unsafe {
             let launch: Launch = self.function(place::LAUNCH);
             launch(pipeline.pipeline, stream, params, bytes, &raw const table, width, height, 1)
@@ -470,7 +470,7 @@ impl Api {
 impl Drop for Api {
     fn drop(&mut self) {
         self.bind_for_release();
-        // SAFETY: by the invariant; null if it was not made.
+        // SAFETY: by the invariants of `Api`; the context is null if it was not made.
         unsafe {
             let destroy: Destroy = self.function(place::DEVICE_CONTEXT_DESTROY);
             if !self.context.is_null() {

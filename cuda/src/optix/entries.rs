@@ -12,7 +12,7 @@ const RAYS: [&str; RAY_TYPES as usize] = ["Phong", "Shadow"];
 /// The any-hit program for radiance rays on materials with holes; no project names it.
 const ALPHA_TEST: &str = "alpha_test";
 
-/// Kinds of materials with separate hit programs: glass or not, with holes or not.
+/// Number of kinds of materials with separate hit programs: glass or not, with holes or not.
 const MATERIALS: usize = 4;
 /// Indices of the first group of each kind. Group 0 is the ray-generation program, followed by one group for exceptions, one miss group a
 /// ray type, and one hit group for each ray type and kind of material.
@@ -37,7 +37,7 @@ fn entry(kind: &str, name: &str) -> CString {
     CString::new(format!("__{kind}__{name}")).expect("names have no zero byte")
 }
 
-/// The name of the program of a kind for a ray type; on glass, the program for glass if there is one.
+/// The name of the program of a kind for a ray type; on glass, the program for glass if there is one. `None` if hits call no such program.
 fn called(info: &RayProgramInfo, kind: &str, ray: &str, glass: bool) -> Option<&'static str> {
     let of = |required| {
         let mut procs = info.procs.iter();
@@ -69,7 +69,7 @@ pub fn groups(info: &RayProgramInfo) -> [Option<Group>; GROUPS] {
     groups
 }
 
-/// The groups that trace segments between triangles: hits on opaque materials, and on other materials.
+/// The groups that trace segments between triangles. The first hit group is for materials that block segments, the second for the others.
 pub fn segment_groups() -> [Option<Group>; GROUPS] {
     let mut groups = [const { None }; GROUPS];
     let alone = |kind, entry| Some(Group { kind, entry: Some(entry), any_hit: None });
@@ -83,7 +83,7 @@ pub fn segment_groups() -> [Option<Group>; GROUPS] {
     groups
 }
 
-/// The shader binding table for these groups and at least `materials` materials.
+/// The shader binding table for the groups of [`segment_groups`], with hit records for `materials` materials, at least one.
 pub fn segment_records(headers: &Headers, see_through: &[bool], materials: usize) -> Vec<u8> {
     let mut table = headers[..HITS].as_flattened().to_vec();
     for material in 0..materials.max(1) {
@@ -105,7 +105,7 @@ pub const MISS_RECORDS: usize = MISSES;
 /// Index of the first hit record. Hit records are ordered by material, each with one record a ray type.
 pub const HIT_RECORDS: usize = HITS;
 
-/// The shader binding table of a pass, for a scene of at least `materials` materials.
+/// The shader binding table of a pass, with hit records for at least `materials` materials.
 pub fn records(headers: &Headers, job: &RayJob<'_>, materials: usize) -> Vec<u8> {
     let is = |flags: &[bool], material: usize| flags.get(material).copied().unwrap_or(false);
     let mut table = headers[..HITS].as_flattened().to_vec();
@@ -169,7 +169,7 @@ mod tests {
             assert_eq!(at(HITS + MATERIALS + cut), ["__anyhit__any_hit_shadow"]);
             assert_eq!(at(HITS + MATERIALS + cut + 1), ["__anyhit__any_hit_shadow_glass"]);
         }
-        // A program without a variant for glass uses the other one; a ray type that is never traced has no groups.
+        // A program without a hit program for glass calls its only one there, too; a ray type that is never traced has no groups.
         let shadows = groups(RayProgram::DeferredShadows.info());
         assert_eq!(shadows[HITS + MATERIALS + 1], shadows[HITS + MATERIALS]);
         assert!(shadows[MISSES].is_none() && shadows[HITS].is_none() && shadows[MISSES + 1].is_some());

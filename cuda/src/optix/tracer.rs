@@ -21,9 +21,9 @@ pub struct OptixTracer {
     api: Api,
     rt_cores: u32,
     programs: Vec<Loaded>,
-    /// All but the sky.
+    /// The structure of all but the sky.
     ground: Structure,
-    /// The sky, which the rays of mirrors and glass see; empty without one.
+    /// The structure of the sky, which rays from mirrors and glass can hit; empty without a sky.
     sky: Structure,
     /// Number of materials in the structure.
     materials: usize,
@@ -102,7 +102,7 @@ fn room(device: &Device, what: &str, bytes: usize) -> Result<Buffer<u8>, Backend
 }
 
 impl OptixTracer {
-    /// Builds the structure of a mesh, compacted.
+    /// Builds the structure of a mesh, and compacts it if that saves memory.
     #[allow(unsafe_code, reason = "hands device memory to OptiX")]
     fn structure(&self, device: &Device, mesh: &Mesh<'_>) -> Result<Structure, BackendError> {
         let refused = |why| refused(device, "building OptiX's structure", why);
@@ -126,7 +126,7 @@ impl OptixTracer {
             return Ok(Structure { memory: output, handle });
         }
         let smaller = room(device, "OptiX's structure", needed)?;
-        // SAFETY: as above; both live until the stream is synchronised.
+        // SAFETY: as above; `output` and `smaller` live until the stream is synchronised.
         let moved = unsafe { self.api.compact(stream, handle, smaller.address(device), needed) };
         let handle = moved.map_err(refused)?;
         device.stream().synchronize().map_err(fault)?;
@@ -138,7 +138,7 @@ impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
     const SPHERES: bool = false;
     /// An upper estimate of the device memory that OptiX takes while it builds. The sky's structure is built after the other one was compacted.
-    /// Both fit if the triangles from the first to the last of the sky are at most half of the scene; this is calculated, not measured.
+    /// Both stay within the estimate if the triangles from the sky's first to its last are at most half of the scene: calculated, not measured.
     const BYTES_PER_TRIANGLE: u64 = 250;
 
     /// Nothing: OptiX builds on the GPU.

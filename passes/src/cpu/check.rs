@@ -28,7 +28,7 @@ pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) 
     Err(BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why })
 }
 
-/// Refuses several lights, and lights with a place, in combinations that no program supports.
+/// Refuses several lights, and positional lights, in combinations that no program supports.
 fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     let info = job.program.info();
     let what = match () {
@@ -148,8 +148,8 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     Ok(())
 }
 
-/// Checks that the materials, vertex attributes and the light that the program reads are present. `spheres` says whether the backend
-/// supports exact spheres.
+/// Checks that the materials, vertex attributes, light and camera that the program reads are present, and that the triangle ids are valid.
+/// `spheres` says whether the backend supports exact spheres.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] for that backend; the error names what is missing.

@@ -50,7 +50,8 @@ pub(super) fn filtered<R>(
     Ok(traced)
 }
 
-/// Position, and the `stored` normal or that of the triangle, turned to the viewer; 0 where nothing is seen.
+/// Position and normal of the surface that a pixel shows; both are 0 for the background. The normal is turned to the viewer. It is the one of
+/// the G-buffer if `stored`, else that of the triangle or sphere.
 fn surface(job: &RayJob<'_>, index: usize, stored: bool) -> [[f32; 3]; 2] {
     let triangle = job.triangle[index];
     if triangle == NO_TRIANGLE {
@@ -123,7 +124,7 @@ mod tests {
         world
     }
 
-    /// The floor from 0.02 to 0.78 beside the wall, from above.
+    /// The floor at distances from 0.02 to 0.78 from the wall, seen from above.
     fn beside(world: &World) -> Shot<'_> {
         let targets = grid(SIDE, Vec3::new(0.4, 0.0, 0.0), Vec3::X * 0.38, Vec3::Y * 0.38);
         Shot::of(world, Vec3::new(0.4, 0.05, 0.9), targets).rows(SIDE)

@@ -25,9 +25,9 @@ pub const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
 /// The kind of lights that a device program is written for. Programs for one directional light do not pay for several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Lighting {
-    /// One directional light that is a point, or none.
+    /// One directional light that is a point, or no light that the program reads.
     Sun,
-    /// Several lights, lights with a place, or directional lights that are discs.
+    /// Several lights, positional lights, or directional lights that are discs.
     Lights,
 }
 
@@ -102,7 +102,7 @@ pub(super) struct Asked<'s> {
     /// Id of the triangle or sphere.
     pub id: u32,
     pub shading: Shading,
-    /// The key of its random numbers.
+    /// The key of the point's random numbers.
     pub key: u32,
 }
 
@@ -116,7 +116,7 @@ pub(super) enum Way<'p> {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Whether the pass has several lights, or one with a place.
+    /// Whether the pass has several lights, or a positional one.
     #[inline(always)]
     pub(super) fn has_lights(&self) -> bool {
         !self.job.lights.is_empty()
@@ -190,7 +190,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Vec3::select(whole.cmpgt(Vec3::ZERO), left / whole, Vec3::ONE)
     }
 
-    /// The ray from a point to a light; `None` where the point is in its own shadow, as in [`Self::light_origin`].
+    /// The ray from a point to a light. `None` where the triangle is turned away from the light, unless the point can be lifted onto the round
+    /// surface ([`Self::lifted`]) and nothing lies in between.
     fn ray_to(
         &self,
         light: &Light,

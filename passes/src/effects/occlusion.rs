@@ -38,8 +38,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.hemisphere(gathered, origin, surface, key, work, stops)
     }
 
-    /// As [`Self::occlusion`], from an origin in a neighbourhood. `gathered` says whether the triangles around the origin
-    /// were gathered.
+    /// As [`Self::occlusion`], from an origin around which triangles may have been gathered. If `gathered` is false, they were
+    /// not, and rays go through the tree.
     pub(super) fn hemisphere(
         &self,
         gathered: bool,

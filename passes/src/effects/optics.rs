@@ -8,7 +8,7 @@ use glam::Vec3;
 pub const REFLECTED: u32 = 0;
 /// Number of the refracted branch.
 pub const REFRACTED: u32 = 1;
-/// Number of the first direction in which rough glass scatters, in the key of what that ray hits.
+/// Number, in the key of a path, of the first direction in which rough glass scatters.
 pub const SCATTERED: u32 = 2;
 
 /// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.

@@ -51,7 +51,7 @@ pub struct Pass<'a, T, C> {
     pub photons: PhotonMap,
     /// Directions to the discs of directional lights; `None` where these are points.
     pub disc: Option<ConeSampler>,
-    /// Where rays start; `None` for programs that read a G-buffer.
+    /// The rays of the camera; `None` for programs that read a G-buffer.
     pub eye: Option<Eye>,
     /// The progress by which the pass may be cancelled; `None` where nobody can cancel it.
     pub progress: Option<&'a Progress>,

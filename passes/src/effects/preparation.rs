@@ -15,11 +15,11 @@ pub struct Preparation {
     pub sampler: Option<HemisphereSampler>,
     /// See [`open_shares`]; empty where occlusion is off.
     pub open_share: Vec<f32>,
-    /// Unit vector towards the light; 0 where there is none.
+    /// Unit vector towards the job's `sun`; 0 where it has none.
     pub to_light: Vec3,
     /// Directions of the rays to the discs of directional lights; `None` where these are points, and in thesis fidelity.
     pub disc: Option<ConeSampler>,
-    /// The light's colour, linear; 0 where there is none.
+    /// Linear colour of the job's `sun`; 0 where it has none.
     pub light_color: Vec3,
 }
 

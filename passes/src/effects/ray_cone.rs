@@ -34,7 +34,7 @@ pub trait Cone: Copy {
     #[must_use]
     fn along(self, distance: f32) -> Self;
 
-    /// The cone after a mirror; see [`RayCone::mirrored`]. `curvature` is only called where it counts.
+    /// The cone after a mirror; see [`RayCone::mirrored`]. [`LevelZero`] does not call `curvature`.
     #[must_use]
     fn mirrored(self, curvature: impl FnOnce() -> f32, cos: f32) -> Self;
 

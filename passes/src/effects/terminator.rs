@@ -95,7 +95,8 @@ pub fn is_turned(geometry: &Geometry, triangle: u32, point: &SurfacePoint, (faci
 /// Vector from a point of a triangle to the smooth surface. The point is on the side of unit normal `facing`, which is
 /// turned away from the light; `to_light` is the unit direction to the light.
 ///
-/// The vector is 0 where the smooth surface is turned away as well, and where the triangle approximates no round one.
+/// The vector is 0 where the smooth surface is turned away as well, where the triangle approximates no round one, and
+/// where the point lies below none of the tangent planes at the corners.
 ///
 /// # Panics
 /// If there is no such triangle.

@@ -88,7 +88,7 @@ fn each<T: Tracer, C: Coverage>(
     }
 }
 
-/// Bounds shared by the rays of a square.
+/// What the occlusion rays of a square's pixels share: the bounds of their origins and, if all pixels have the same, the normal.
 struct Part {
     pixels: usize,
     low: Vec3,

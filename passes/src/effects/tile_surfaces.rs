@@ -17,7 +17,7 @@ use glam::Vec3;
 pub(super) struct Known {
     /// The light's share; `None` where it was not computed.
     pub(super) light: Option<f32>,
-    /// The surface and the direction in which it is seen, where the program needs them again.
+    /// The surface and the direction in which it is seen; `None` for pixels that the survey left out.
     pub(super) surface: Option<(Surface, Vec3)>,
     /// Origin of rays to the viewer's side of that surface.
     pub(super) origin: Vec3,
@@ -37,7 +37,7 @@ pub struct TileSurfaces {
     /// The pixels whose surfaces are looked for.
     shown: VisiblePixels,
     packets: Vec<Packet>,
-    /// The place of each ray in the tile.
+    /// For each ray, its pixel's place in the tile.
     places: Vec<u16>,
     blocked: Vec<u16>,
     /// Glass surfaces that rays cross: index of the ray, and distance.
@@ -129,7 +129,7 @@ impl TileSurfaces {
         }
     }
 
-    /// Writes the light's share of every ray to the ray's place.
+    /// Writes the light's share along every ray to the known results of the ray's pixel.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
         shares_of_light(SHADOWED, places.len(), blocked, crossings, distances, |ray, share| {
@@ -182,8 +182,8 @@ impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Kernel<()> for Survey<'_
     }
 }
 
-/// Computes the light of a tile. For each pixel, `origin` gets the known results. It returns the light's share if that
-/// needs no ray, or the origin of the shadow ray, or neither if the light is not wanted. `stops` says whether a hit of a
+/// Computes the light of a tile. `origin` is called for each pixel with its known results. It returns the light's share if
+/// that needs no ray, or the origin of the shadow ray, or neither if the pixel's light is not computed here. `stops` says whether a hit of a
 /// ray stops light.
 ///
 /// Returns the number of rays.

@@ -93,7 +93,7 @@ impl VisiblePixels {
     }
 
     /// All pixels found, sixteen at a time. Unused lanes of the last sixteen hold pixels found before (here or in
-    /// another tile of the pass), or else the first pixel and triangle.
+    /// another tile of the pass), or else pixel 0 and triangle 0.
     #[inline(always)]
     pub(super) fn sixteens(&self) -> impl Iterator<Item = Sixteen<'_>> {
         (0..self.count).step_by(PACKET).map(|first| Sixteen {

@@ -16,7 +16,7 @@ pub struct Workspace {
     pub place: usize,
     /// Results that were computed for the tile's pixels before their turn.
     pub surfaces: TileSurfaces,
-    /// Such results for a tile of the shadow program.
+    /// Results that were computed for a whole tile of `deferredShadows`.
     pub(super) shadows: deferred_shadows::Tile,
     pub(super) disc: DiscRays,
     pub(super) directions: Directions,

@@ -1,4 +1,4 @@
-//! The rasterisers. They draw the same G-buffers, and compute the same effects.
+//! The rasterisers on the processor and on the GPU. Both draw the same G-buffers and compute the same effects.
 
 pub mod cpu;
 pub mod effects;

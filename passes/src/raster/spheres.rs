@@ -25,8 +25,8 @@ pub(in crate::raster) fn covered_pixels(
     Some([range(right, size[0], 1.0)?, range(up, size[1], -1.0)?])
 }
 
-/// The interval of a sphere along an axis of the screen: the least and greatest x/w, where `row` and `w` give x and w
-/// of a point. `None` where the whole sphere is behind the eye.
+/// The interval of a sphere along an axis of the screen: the least and greatest x/w. The dot products of a point with `row`
+/// and `w` are the point's x and w. `None` where the whole sphere is behind the eye.
 ///
 /// The plane x = k w touches the sphere where (x - k w)² = r² |∇(x - k w)|², a quadratic equation in k.
 fn extent(center: DVec4, radius: f64, row: DVec4, w: DVec4) -> Option<(f64, f64)> {

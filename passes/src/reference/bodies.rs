@@ -14,9 +14,9 @@ use glam::{DVec2, DVec3};
 
 /// Greatest number of glass surfaces on a path.
 const MOST_SURFACES: u32 = 128;
-/// Facets of the first rough surface of a path, along each side of the unit square.
+/// Number of facets that a path meets at its first rough surface, along each side of the unit square.
 const FACETS: u32 = 2;
-/// Wavelengths into which a path is divided.
+/// Number of wavelengths into which a path is divided.
 const WAVELENGTHS: u32 = 8;
 /// Number of the first branch that is neither the reflected nor the refracted one.
 const DIVIDED: u64 = 2;
@@ -24,7 +24,7 @@ const DIVIDED: u64 = 2;
 /// A path that has come to a surface.
 #[derive(Debug, Clone)]
 struct Path {
-    /// The bodies in front of the surface.
+    /// The bodies that the path lies in, in front of the surface.
     bodies: Bodies,
     /// Number of glass surfaces met before.
     surfaces: u32,
@@ -143,7 +143,7 @@ impl Walk<'_> {
         (0..count).map(of_number).sum::<DVec3>() / f64::from(count)
     }
 
-    /// A wall with two faces.
+    /// The light from a thin wall, which has two faces.
     fn thin(&self, surface: &Surface, direction: DVec3, facet: Option<Facet>, path: Path) -> DVec3 {
         let (look, dielectric) = (&self.pass.look, self.dielectric(surface));
         let normal = facet.map_or_else(|| interface_normal(surface, direction), |facet| facet.normal);
@@ -165,7 +165,7 @@ impl Walk<'_> {
         self.split(surface, Some(back), Some(through), &path) + self.veil(surface, wall.transmitted, &path)
     }
 
-    /// The report's pane. Each surface after the first one of a path dims the light.
+    /// The light from the report's pane. [`BOUNCE`] dims it at each glass surface after the first one of the path.
     fn pane(&self, surface: &Surface, direction: DVec3, path: &Path) -> DVec3 {
         let onward = self.smooth(surface, direction, f64::from(self.pass.params.index), None);
         let kept = if path.surfaces > 0 { BOUNCE } else { 1.0 };
@@ -180,7 +180,7 @@ impl Walk<'_> {
         self.split(surface, Some(back), through, path)
     }
 
-    /// The surface of a body.
+    /// The light from the surface of a body.
     fn solid(&self, surface: &Surface, direction: DVec3, path: Path) -> DVec3 {
         let (look, table) = (&self.pass.look, self.pass.look.dielectrics);
         let border = path.bodies.cross(table, surface.material, surface.is_front());
@@ -208,7 +208,8 @@ impl Walk<'_> {
         })
     }
 
-    /// Divides the light of a path into parts of one wavelength each, one from each of as many equal parts of the spectrum.
+    /// Divides the light of a path into [`WAVELENGTHS`] parts of one wavelength each, one from each of as many parts of the spectrum with
+    /// equal weight.
     fn wavelengths<'p>(
         &self,
         path: &Path,

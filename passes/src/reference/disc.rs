@@ -48,7 +48,7 @@ impl Discs {
     }
 }
 
-/// The mean of a share over the directions to a light; its value in the one direction of a light that is a point.
+/// The mean of `share` over the directions to the disc of light number `light` around `center`; without `discs`, its value for `center`.
 pub(super) fn over<S: Sum + Div<f64, Output = S>>(
     discs: Option<Discs>,
     light: usize,

@@ -13,9 +13,9 @@ pub(super) struct Facet {
     pub normal: DVec3,
     /// Unit normal of the interface, on the viewer's side.
     mean: DVec3,
-    /// Width of the distribution.
+    /// Width alpha of the distribution.
     width: f64,
-    /// Smith's auxiliary function of the viewer.
+    /// Smith's auxiliary function for the direction to the viewer.
     masked: f64,
 }
 
@@ -32,7 +32,7 @@ impl Facet {
         let (sin, cos) = (TAU * point.y).sin_cos();
         let x = point.x.sqrt() * cos;
         let edge = (1.0 - x * x).sqrt();
-        // The farther half of the disc shrinks with the viewer's height.
+        // Along `y` the visible part reaches from `edge` only to `-edge` times the height of the viewer (`viewer.z`).
         let y = edge + 0.5 * (1.0 + viewer.z) * (point.x.sqrt() * sin - edge);
         let half = across * x + along * y + viewer * (1.0 - x * x - y * y).max(0.0).sqrt();
         let local = DVec3::new(width * half.x, width * half.y, half.z.max(0.0)).normalize_or(DVec3::Z);

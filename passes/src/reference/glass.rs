@@ -11,7 +11,7 @@ use glam::DVec3;
 pub(super) const BOUNCE: f64 = 0.99;
 
 impl Sample<'_, '_> {
-    /// The mirror of `reflection`: a chain of mirror rays from glass to glass, black after `depth` further glass hits.
+    /// The mirror of `reflection`: a chain of mirror rays from glass to glass, black at the first glass hit after `depth` further ones.
     pub(super) fn mirror(&self, pass: &Traced<'_>, seen: &Surface, direction: DVec3) -> DVec3 {
         let (world, look) = (self.world, &pass.look);
         let (mut surface, mut direction) = (*seen, direction);
@@ -54,7 +54,7 @@ impl Sample<'_, '_> {
         .sum()
     }
 
-    /// The colour that a ray from glass hits.
+    /// The colour of what a ray from glass hits; black if that is glass and `bounces` has reached the depth.
     fn beyond_pane(
         &self,
         pass: &Traced<'_>,

@@ -14,15 +14,15 @@ use std::ops::Range;
 pub struct Look<'a> {
     /// Appearance of the materials.
     pub shades: &'a [Shade],
-    /// Materials that rays mirror or refract at; none in raster passes.
+    /// Materials that rays mirror or refract at; in raster passes none is marked.
     pub glass: &'a [bool],
-    /// Materials that shadow rays pass through; none in raster passes.
+    /// Materials that shadow rays pass through; in raster passes none is marked.
     pub shadow_glass: &'a [bool],
     /// Properties of glass, where the materials decide about it (`glass=auto`); else empty, and all glass is the report's panes.
     pub dielectrics: &'a [Dielectric],
-    /// The light.
+    /// The directional light; `None` if there is none.
     pub sun: Option<Sun>,
-    /// Several lights, or a light with a place, in place of [`Self::sun`].
+    /// Several lights, or a light with a place, in place of [`Self::sun`]; empty if [`Self::sun`] is used.
     pub lights: Vec<Light>,
 }
 
@@ -131,6 +131,6 @@ pub struct Job<'a> {
     pub value: Value<'a>,
     /// Pixels in a row, and number of rows.
     pub size: [u32; 2],
-    /// The samples of every pixel that each of the two estimates takes; at least one.
+    /// Indices of the samples that each of the two estimates takes in every pixel; at least one.
     pub samples: Range<u32>,
 }

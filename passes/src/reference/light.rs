@@ -8,7 +8,7 @@ use glam::{DVec3, DVec4};
 
 /// The report's ambient light.
 pub(super) const AMBIENT: f64 = 0.3;
-/// Share of the light behind an opaque surface.
+/// Share of a colour that is left where an opaque surface blocks the light.
 pub(super) const SHADOWED: f64 = 0.5;
 /// Factor of the light for each glass surface that it crosses.
 pub(super) const THROUGH_GLASS: f64 = 0.9;
@@ -18,13 +18,13 @@ const ROUND: f64 = 0.85;
 pub(super) const ONE_SURFACE: f64 = 8.0 * f32::EPSILON as f64;
 
 impl Look<'_> {
-    /// Unit direction to the light; 0 without one.
+    /// Unit direction to the light; 0 without a light.
     pub(super) fn toward_light(&self) -> DVec3 {
         self.sun.map_or(DVec3::ZERO, |sun| -sun.direction.as_dvec3().normalize())
     }
 
-    /// The light cosine of a surface that the camera sees: that of the unturned shading normal; with a normal map, 0
-    /// where the vertex normal faces away.
+    /// Cosine of the light at a surface that the camera sees, by the unturned shading normal; of several lights, the greatest. With a
+    /// normal map it is 0 where the vertex normal faces away.
     pub(super) fn seen_cosine(&self, surface: &Surface) -> f64 {
         if !self.lights.is_empty() {
             return self.greatest_cosine(surface);
@@ -60,8 +60,8 @@ impl Look<'_> {
         self.tinted(world, surface, reflected) + self.glow(world, surface).extend(0.0)
     }
 
-    /// The colour of a surface that a ray hits, with the normal on the ray's side. As [`Self::seen_color`], but a
-    /// textured material has the ambient constant in the place of its emission.
+    /// The colour of a surface that a ray hits, with the normal on the ray's side. As [`Self::seen_color`], but without the emission of a
+    /// textured material.
     pub(super) fn met_color(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
         let shade = &self.shades[surface.material];
         let arriving = match self.lights.is_empty() {
@@ -117,7 +117,8 @@ impl Look<'_> {
             .is_some_and(|origin| !world.is_blocked(origin, to_light, f64::INFINITY, stops))
     }
 
-    /// The share of the light from a direction that reaches the side of normal `facing` in `final`: each glass surface on the way dims it.
+    /// The share of the light from a direction that reaches the side of normal `facing` in `final`: each glass surface on the way dims it,
+    /// and an opaque one leaves [`SHADOWED`].
     pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, (facing, to_light): (DVec3, DVec3)) -> f64 {
         let stops = |hit: &DoubleHit| self.stops_light(world, hit);
         let origin = self.start_to_light(world, surface, (facing, to_light), stops);
@@ -160,7 +161,7 @@ impl Look<'_> {
     ///
     /// A side is dark if the round surface that the triangle stands for is turned away from the light, or if the triangle is turned away and stands
     /// for no round surface. If only the triangle is turned away, the ray starts on the round surface (Hanika, "Hacking the Shadow Terminator", Ray
-    /// Tracing Gems II, 2021), if nothing that stops light lies between the two.
+    /// Tracing Gems II, 2021); the side is dark if something that stops light lies between the two.
     pub(super) fn start_to_light(
         &self,
         world: &World<'_>,
@@ -187,7 +188,7 @@ pub(super) fn texture(world: &World<'_>, shade: &Shade, surface: &Surface) -> Op
 }
 
 /// The normals at the corners of a triangle that stands for a round surface, and 1 if they look to the side of normal `facing`, else -1. `None`
-/// where the normals are equal, or one of them is far from the triangle's.
+/// for spheres, without vertex normals, and where the normals are equal or one of them is far from the triangle's.
 fn round_normals(world: &World<'_>, surface: &Surface, facing: DVec3) -> Option<(f64, [DVec3; 3])> {
     let geometry = &world.scene.geometry;
     if geometry.normals.is_empty() || world.sphere(surface.triangle).is_some() {

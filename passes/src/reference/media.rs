@@ -8,16 +8,16 @@ use glam::DVec3;
 /// Greatest number of surfaces on the line that finds the bodies around a point.
 const MOST_ON_LINE: u32 = 100_000;
 
-/// The materials of the bodies, in the order in which a path entered them. There may be any number.
+/// The materials of the bodies that a point lies in, in the order in which a path entered them. There may be any number.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Bodies(Vec<usize>);
 
 /// What lies on both sides of the surface of a body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Border {
-    /// The bodies behind.
+    /// The bodies that a point just behind the surface lies in.
     pub after: Bodies,
-    /// The materials that fill the place before and behind; `None` for air.
+    /// The materials that fill the space in front of the surface and behind it; `None` for air.
     pub sides: [Option<usize>; 2],
     /// Whether the surface is visible; it is not where another body fills the place on both sides.
     pub is_seen: bool,

@@ -81,8 +81,9 @@ pub(super) struct Wall {
 }
 
 impl Wall {
-    /// The sum over all reflections between the faces, each of which reflects the share of `face`. Light that crosses the wall once, and does
-    /// not return, is `(1 - R)^2 a`; each pair of reflections inside adds a factor of `R^2 a^2`.
+    /// The sum over all reflections between the faces, each of which reflects the share `R` of `face`. With the transmittance `a` of one
+    /// crossing, light that crosses the wall once, and does not return, is `(1 - R)^2 a`; each pair of reflections inside adds a factor of
+    /// `R^2 a^2`.
     pub fn new(dielectric: &Dielectric, face: &Interface) -> Self {
         let Some(inner) = face.inner.filter(|_| face.share < 1.0) else {
             return Self { reflected: DVec3::ONE, transmitted: DVec3::ZERO };
@@ -97,7 +98,7 @@ impl Wall {
     }
 }
 
-/// The index of a material for a wavelength in nanometres; without one, that of the line d.
+/// The refractive index of a material for a wavelength in nanometres; without a wavelength, the index at the Fraunhofer line d.
 pub(super) fn index(dielectric: &Dielectric, wavelength: Option<f64>) -> f64 {
     let [at_d, spread] = [dielectric.index, dielectric.spread].map(f64::from);
     let Some(wavelength) = wavelength.filter(|_| spread > 0.0) else { return at_d };

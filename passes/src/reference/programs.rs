@@ -11,7 +11,7 @@ use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::RayProgram;
 use glam::{DVec2, DVec3, DVec4};
 
-/// Occlusion directions in each of the two batches, at a point that is seen directly.
+/// Number of occlusion directions in each of the two batches, at a point whose weight in the pixel is at least one half.
 const DIRECTIONS: u32 = 8;
 /// As [`DIRECTIONS`], at points behind glass whose weight in the pixel is below one half.
 const FEW_DIRECTIONS: u32 = 4;

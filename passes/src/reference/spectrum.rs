@@ -6,14 +6,14 @@ use std::sync::LazyLock;
 
 /// Ends of the spectrum, nanometres.
 const ENDS: [f64; 2] = [380.0, 780.0];
-/// Steps of its integrals.
+/// Number of steps of integrals over the spectrum.
 const STEPS: usize = 4000;
 
 /// White light: D65 by wavelength in linear sRGB, each channel divided by its integral.
 struct White {
     /// Weights of the steps in red, green and blue. They sum to 1.
     weights: Vec<DVec3>,
-    /// Sums of the absolute values of all channels, up to and with each step.
+    /// Sums of the absolute values of the weights in all channels, up to and including each step.
     sums: Vec<f64>,
 }
 
@@ -49,8 +49,8 @@ fn wavelength(steps: f64) -> f64 {
     ENDS[0] + (ENDS[1] - ENDS[0]) * steps / STEPS as f64
 }
 
-/// The wavelength, in nanometres, that a number from 0 to 1 chooses, and the weight of its light in red, green and blue: its mean over all
-/// numbers is 1.
+/// The wavelength, in nanometres, that a number from 0 to 1 chooses, and the weight of its light in red, green and blue. The mean of this
+/// weight over all numbers is 1.
 pub(super) fn chosen(number: f64) -> (f64, DVec3) {
     let White { weights, sums } = &*WHITE;
     let whole = sums[STEPS - 1];

@@ -24,7 +24,7 @@ pub(super) struct Spheres {
 struct Node {
     low: DVec3,
     high: DVec3,
-    /// Index of the first sphere of a leaf, or of an inner node's second child: its first child follows it.
+    /// For a leaf, the index of its first sphere. For an inner node, the index of its second child; the first child follows the node.
     first: usize,
     /// Number of spheres in a leaf; 0 for an inner node.
     count: usize,
@@ -92,7 +92,7 @@ impl Spheres {
 }
 
 impl Node {
-    /// Whether the ray meets the box before a distance.
+    /// Whether the ray meets the box before the distance `limit`.
     fn meets(&self, ray: &DoubleRay, limit: f64) -> bool {
         let (mut enter, mut leave) = (ray.t_min, limit);
         for axis in 0..3 {
@@ -110,8 +110,8 @@ impl Node {
     }
 }
 
-/// Where a line of unit direction crosses a sphere, the nearer place first: the middle of the chord is the point nearest to the centre, and
-/// half the chord follows from Pythagoras.
+/// The distances at which a line of unit direction crosses a sphere, the lower first; `None` twice if it misses. The middle of the chord is
+/// the point nearest to the centre, and half the chord follows from Pythagoras.
 fn crossed(sphere: &Sphere, ray: &DoubleRay) -> [Option<f64>; 2] {
     let (from, radius) = (ray.origin - sphere.center.as_dvec3(), f64::from(sphere.radius));
     let middle = -from.dot(ray.direction);

@@ -11,14 +11,15 @@ use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
 use glam::{DVec3, DVec4, Vec3};
 
 impl Traced<'_> {
-    /// Whether light falls straight through glass. Where no sphere focuses it, `caustic` is the same.
+    /// Whether light falls straight through glass. Where no sphere focuses light, `shadow=caustic` is straight, too.
     pub(super) fn is_straight(&self) -> bool {
         matches!(self.params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && !self.look.dielectrics.is_empty()
     }
 }
 
 impl Look<'_> {
-    /// The share of the light from a direction on that side of a surface, by colour.
+    /// The share of a surface's colour that the shadow from a direction leaves on the side of normal `facing`, by colour; at least
+    /// [`SHADOWED`].
     pub(super) fn straight_share(
         &self,
         world: &World<'_>,
@@ -102,7 +103,7 @@ impl Look<'_> {
         bodies.fills(self.dielectrics).map_or(DVec3::ONE, |material| kept(&self.dielectrics[material], length))
     }
 
-    /// The value of a texture at a surface; spheres have none.
+    /// The index of a texture and its value at a surface; `None` without a texture, and for spheres.
     fn texel_at(&self, world: &World<'_>, surface: &Surface, texture: Option<u32>) -> Option<(u32, DVec4)> {
         let texture = texture.filter(|_| world.sphere(surface.triangle).is_none())?;
         Some((texture, world.texel(texture, world.texcoord(surface.triangle, surface.weights))))

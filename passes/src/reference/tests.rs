@@ -20,7 +20,7 @@ struct Stage {
     scene: RenderScene,
     shades: Vec<Shade>,
     glass: Vec<bool>,
-    /// By material; empty for the report's panes.
+    /// Properties of glass by material; empty if all glass is the report's panes.
     dielectrics: Vec<Dielectric>,
     sun: Option<Sun>,
     lights: Vec<Light>,

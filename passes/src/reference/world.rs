@@ -43,15 +43,15 @@ pub(super) struct Surface {
     pub shading: DVec3,
     /// Unit normal of the triangle, turned to the viewer's side.
     pub facing: DVec3,
-    /// Unit shading normal, turned to the same side.
+    /// Unit shading normal, turned to the side of [`Self::facing`].
     pub normal: DVec3,
 }
 
 impl<'a> World<'a> {
-    /// Builds the tree. `looked_at` marks the materials whose hits must be passed to `accept` or `stops`.
+    /// Builds the trees. `looked_at` marks the materials whose hits must be passed to `accept` or `stops`; hits on spheres always are.
     ///
     /// # Errors
-    /// If there is not enough memory for it.
+    /// If there is not enough memory for them.
     pub fn new(scene: &'a RenderScene, looked_at: &[bool]) -> Result<Self, Refused> {
         let geometry = &scene.geometry;
         let [triangles, spheres] = [geometry.triangles.len(), geometry.spheres.len()].map(|count| count as u64);
@@ -120,7 +120,7 @@ impl<'a> World<'a> {
         (b - a).cross(c - a).dot(direction) > 0.0
     }
 
-    /// The nearest hit; where the material needs it, `accept` decides whether a hit counts.
+    /// The nearest hit. For spheres, and where the material needs it, `accept` decides whether a hit counts.
     pub fn first(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
         let hit = self.tree.first(ray, &mut accept);
         let before = DoubleRay { t_max: hit.map_or(ray.t_max, |hit| hit.t), ..*ray };

@@ -6,10 +6,10 @@ pub const SCRAMBLE: u32 = u32::MAX;
 /// Counter of [`dimensions`] for the microfacets of a rough surface.
 pub const FACETS: u32 = u32::MAX - 1;
 
-/// Counter of [`dimensions`] for the light's disc.
+/// Counter of [`dimensions`] for points of a light's disc.
 pub const DISC: u32 = u32::MAX - 2;
 
-/// Highest counter of [`dimensions`] for the choices of paths from the camera, which also use some below it.
+/// Highest counter of [`dimensions`] for the choices of paths from the camera, which also use counters below it.
 pub const PATHS: u32 = u32::MAX - 3;
 
 /// Counter of [`dimensions`] for random decisions on paths in glass (Russian roulette).
@@ -21,23 +21,23 @@ pub const SPECTRUM: u32 = ROULETTE + 1;
 /// Counter of [`dimensions`] for the order of the points that choose microfacets.
 pub const FACET_ORDER: u32 = ROULETTE + 2;
 
-/// Counter of [`dimensions`] for the place on a body's disc where a photon starts.
+/// Counter of [`dimensions`] for the place where a photon starts, on the disc that covers its target.
 pub const PHOTON_PLACE: u32 = ROULETTE + 3;
 
 /// Counter of [`dimensions`] for the direction of a photon; the counter before it is for the order of these directions.
 pub const PHOTON_DIRECTION: u32 = ROULETTE + 5;
 
-/// Counter of [`dimensions`] for how a photon continues at a surface.
+/// Counter of [`dimensions`] for the choice of the way that a photon takes at a surface.
 pub const PHOTON_WAY: u32 = ROULETTE + 6;
 
 /// Branch of [`path_key`] for the second half of a pixel's sample.
 pub const HALF: u32 = 1 << 30;
 
-/// Branch of [`path_key`] for the first of a pass's lights; the others follow. The first light has the pixel's own key.
+/// Added to a light's number: the branch of [`path_key`] for that light of a pass. Light 0 has the pixel's own key instead.
 pub const LIGHTS: u32 = 1 << 29;
 
-/// Last word of the input of [`pixel_key`]. Purposes with different last words never hash the same input; only [`OCCLUSION`] and [`PHOTON`]
-/// share one.
+/// Last word of the input of [`pixel_key`]. Purposes with different last words never hash the same input. Only [`OCCLUSION`], [`PHOTON`]
+/// and the points of `visibility` share one.
 pub const PIXEL: u32 = 0;
 /// Last word of the input of [`path_key`].
 pub const PATH: u32 = 1;
@@ -80,11 +80,11 @@ pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
 /// The key of the photons that are shot at one of a scene's targets, in run number `round` of the sequence.
 #[must_use]
 pub fn photon_key(target: u32, round: u32, seed: u32) -> u32 {
-    // One word holds both: there are few targets, and a round has 2^32 photons.
+    // One word holds both target and round: there are few targets, and a round has 2^32 photons.
     pcg4d([target ^ round.rotate_left(16), seed, 0, PHOTON])[3]
 }
 
-/// The key for what a ray that left along `branch` hits: each bounce path has its own random numbers.
+/// The key for the surface that a ray along `branch` hits: each path has random numbers of its own.
 #[must_use]
 pub fn path_key(key: u32, branch: u32) -> u32 {
     pcg4d([key, branch, 0, PATH])[3]

@@ -32,7 +32,7 @@ impl Basis {
         }
     }
 
-    /// A vector given by its coordinates in this basis.
+    /// The world-space vector with the coordinates `v` in this basis.
     #[must_use]
     #[inline(always)]
     pub fn to_world(&self, v: Vec3) -> Vec3 {

@@ -83,8 +83,8 @@ impl HemisphereSampler {
         }
     }
 
-    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`. Directions with
-    /// `direction · above < 0` are mirrored at the plane of `above`, a unit vector.
+    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`. If `above` is given,
+    /// directions with `direction · above < 0` are mirrored at the plane of `above`, a unit vector.
     pub fn directions(&self, key: u32, normal: Vec3, above: Option<Vec3>, directions: &mut Directions) {
         let basis = Basis::around(normal);
         match self {
@@ -125,7 +125,7 @@ const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 /// The square root of a square number.
 ///
 /// # Errors
-/// If `samples` is not a square number; the message names the nearest ones.
+/// If `samples` is not a square number; the message names the nearest square numbers.
 pub fn square_root(samples: u32) -> Result<u32, String> {
     let side = samples.isqrt();
     if side * side == samples {

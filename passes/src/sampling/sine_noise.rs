@@ -32,7 +32,7 @@ pub fn stratum(position: Vec3, i: u32, j: u32, side: u32) -> Vec2 {
     Vec2::new(i as f32 + rand5, j as f32 + rand4) * (1.0 / side as f32)
 }
 
-/// OptiX's `cosine_sample_hemisphere`: the polar map. NaN where `point.x` is negative, as there.
+/// OptiX's `cosine_sample_hemisphere`: the polar map. NaN where `point.x` is negative, as in OptiX.
 #[must_use]
 pub fn polar_cosine(point: Vec2) -> Vec3 {
     let radius = point.x.sqrt();
@@ -41,7 +41,7 @@ pub fn polar_cosine(point: Vec2) -> Vec3 {
     Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())
 }
 
-/// OptiX's `Onb`. NaN for a zero normal, as there.
+/// OptiX's `Onb`. NaN for a zero normal, as in OptiX.
 #[must_use]
 pub fn optix_basis(normal: Vec3) -> Basis {
     let bitangent = if normal.x.abs() > normal.z.abs() {

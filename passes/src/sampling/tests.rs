@@ -44,7 +44,7 @@ fn pixel_keys_are_uniform_and_distinct() {
 
 #[test]
 fn the_reports_noise_fails_far_from_the_origin() {
-    // The negative control of the test above, and the reason for difference 4: 512 x 512 points, 0.01 apart.
+    // The negative control of the test above, and the reason for difference 4 of `docs/fidelity.md`: 512 x 512 points, 0.01 apart.
     let noise = |offset: f32| -> Vec<f32> {
         let at = |i: u32| offset + i as f32 * 0.01;
         (0..512 * 512).map(|i| sine_noise::rand(Vec2::new(at(i % 512), at(i / 512))).abs()).collect()
@@ -212,7 +212,7 @@ fn the_concentric_map_keeps_areas_and_is_exact_on_its_axes() {
         let point = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
         let disk = concentric_disk(point);
         assert!(disk.length() <= 1.0 + 1e-6);
-        // The same map with functions of the standard library.
+        // The concentric map with functions of the standard library, in `f64`.
         let s = 2.0 * point - Vec2::ONE;
         let (radius, angle) = if s.x.abs() > s.y.abs() {
             (s.x, std::f64::consts::FRAC_PI_4 * f64::from(s.y) / f64::from(s.x))

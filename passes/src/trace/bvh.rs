@@ -54,7 +54,7 @@ impl Bvh {
     }
 
     /// As [`Self::build`], but may be cancelled; `None` then. Cancellation is checked between the parts of the work that threads take. The
-    /// clustering of the binary tree is a single part.
+    /// clustering of the binary tree is a single part, and so is all of the tree of a sky.
     ///
     /// # Panics
     /// As [`Self::build`].
@@ -103,7 +103,8 @@ impl Bvh {
     }
 }
 
-/// The traversals. `accept` is called for transparent triangles only, so it is a trait object and each traversal is compiled once.
+/// The traversals. `accept` is called for transparent triangles only, so the dynamic call through a trait object is rare; it lets each
+/// traversal be compiled once.
 impl Bvh {
     fn find_closest(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
         let hit = self.instruction_set.run(Closest { tree: &self.tree, ray, accept: &mut *accept });

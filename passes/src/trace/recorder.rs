@@ -31,9 +31,10 @@ pub struct RecordedRay {
     pub weight: f32,
     /// The ray.
     pub ray: Ray,
-    /// Id of the triangle or sphere that the ray leaves; `None` at a pixel that shows no surface.
+    /// Id of the triangle or sphere that the ray leaves; `None` if it leaves none, as at a pixel that shows no surface.
     pub leaves: Option<u32>,
-    /// Distance of the ray's origin from the plane of that triangle, positive on the side to which the ray goes; 0 if there is no surface.
+    /// Distance of the ray's origin from the plane of that triangle, or from that sphere, positive on the side to which the ray goes; 0 if
+    /// there is no surface.
     pub offset: f64,
     /// The answer.
     pub outcome: Outcome,
@@ -60,7 +61,7 @@ pub enum Event {
 #[derive(Debug)]
 struct Log {
     announced: Announcement,
-    /// Weights of the rays of each bounce on the current path.
+    /// Weight of the rays at each bounce on the current path.
     weights: Vec<f32>,
     /// For each bounce on the current path, the triangle that its rays leave.
     surfaces: Vec<Option<u32>>,

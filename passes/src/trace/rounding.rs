@@ -28,8 +28,8 @@ pub(crate) const FUSED_SLAB_ERROR: f32 = 16.0 * UNIT_ROUNDOFF;
 /// Distances of the scene from an origin are clamped to this, so that products with them stay finite.
 pub(crate) const LARGEST_REACH: f32 = 1.0e30;
 
-/// Factor by which the distances of far planes of boxes grow: Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013. The far distance grows by
-/// twice the error of a slab, which is 6 u.
+/// Factor by which the distances of far planes of boxes grow: Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013. The far distance must grow
+/// by 6 u, twice the error of a slab distance.
 pub(crate) const FAR: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;
 
 // Volumes that all rays of a group stay in (see `tree/volumes.rs`).
@@ -128,9 +128,9 @@ pub(crate) const OFFSET_MARGIN: f64 = 32.0;
 
 /// Square of the least ratio of a triangle's width to its length for which origins on it are estimated.
 pub(crate) const THIN_SQUARE: f64 = 1.0e-6;
-/// The error of an estimate counts this many units of `u` times the coordinates, and this many of `u` times `q`.
+/// Units in the error of an estimate: this many of `u` times the coordinates, and as many of `u` times `q`.
 pub(crate) const COORDINATES_ERROR: f32 = 4.0;
-/// The error of an estimate counts this many units of `u Q`.
+/// Units of `u Q` in the error of an estimate.
 pub(crate) const SHIFT_ERROR: f64 = 24.0;
 
 // Rays of a fan.

@@ -7,7 +7,7 @@ use curitiba_pipeline::backend::BackendError;
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Segment {
-    /// Start point, world.
+    /// Start point, in the coordinates of the scene that the tracer was made for.
     pub from: [f32; 3],
     /// Length of the segment in multiples of `along`.
     pub end: f32,

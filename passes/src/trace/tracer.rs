@@ -59,7 +59,8 @@ pub trait Tracer: Sync {
     /// The nearest accepted hit; of several at the same distance, the one with the lowest triangle id.
     fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit>;
 
-    /// Whether any accepted hit exists; the order of the search is free.
+    /// Whether any accepted hit exists other than on the sky ([`Geometry::sky`](curitiba_pipeline::scene::Geometry::sky)); the order of the
+    /// search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
 
     /// An accepted hit; `None` where [`Self::occluded`] is false. Of several hits the tracer may choose any, but always the same. By default it
@@ -81,7 +82,7 @@ pub trait Tracer: Sync {
     /// Whether [`Self::announce`] does anything; if not, calls may be left out.
     const LISTENS: bool = false;
 
-    /// Announces the purpose of the rays that follow. Tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.
+    /// Announces the purpose of the rays that follow. Most tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.
     #[inline(always)]
     fn announce(&self, rays: Announcement) {
         let _ = rays;

@@ -1,9 +1,9 @@
 //! The proof that the triangles of a pair do not see each other at all.
 //!
-//! Take triangles whose planes have one side of the pair strictly in front and the other strictly behind, and which form a surface without a
-//! border inside the shaft: each edge in the shaft is used as often in one direction as in the other. As a segment of the pair moves, its
-//! crossings with such a surface cannot vanish over a border or over an end of the segment. So all segments cross the surface equally often,
-//! and testing one of them is enough. The surface may be a wall of many triangles, and need not be flat.
+//! Take triangles whose planes have one triangle of the pair strictly in front and the other strictly behind, and which form a surface
+//! without a border inside the shaft: each edge in the shaft is used as often in one direction as in the other. As a segment of the pair
+//! moves, its crossings with such a surface cannot vanish over a border or over an end of the segment. So all segments cross the surface
+//! equally often, and testing one of them is enough. The surface may be a wall of many triangles, and need not be flat.
 
 use super::shaft::{Blocker, Pair, Shaft};
 use crate::trace::{Detected, Kernel, Simd};
@@ -14,14 +14,15 @@ use glam::DVec3;
 pub(super) struct Walls {
     places: Vec<Place>,
     edges: Vec<Edge>,
-    /// For each triangle, whether it is still part of the surface.
+    /// For each blocker, whether it is still part of the surface.
     alive: Vec<bool>,
 }
 
-/// How a triangle lies relative to the pair.
+/// How a blocker lies relative to the pair.
 #[derive(Debug, Clone, Copy)]
 struct Place {
-    /// 1 if the first side is strictly in front of its plane and the second strictly behind, -1 for the reverse, else 0.
+    /// 1 if the pair's first side is strictly in front of the triangle's plane and the second strictly behind it, -1 for the reverse, else
+    /// 0.
     between: i8,
     /// For each edge, whether it has a point inside the shaft. Computed only where `between` is not 0.
     inside: [bool; 3],
@@ -31,7 +32,7 @@ struct Place {
 struct Edge {
     /// Both end points as bits, the lower first.
     ends: [[u64; 3]; 2],
-    /// Index of the triangle in the list.
+    /// Index of the triangle in the list of blockers.
     triangle: usize,
     /// 1 if the edge runs from the lower to the higher end, else -1.
     direction: i32,
@@ -141,7 +142,7 @@ fn between(shaft: &Shaft, corners: &[DVec3; 3]) -> i8 {
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let slack = slack(shaft, corners);
     let heights = shaft.ends_over(normal, a);
-    // For each side, the number of corners in front and behind.
+    // For each side of the pair, the number of its corners in front of the triangle's plane and behind it.
     let (mut front, mut back) = ([0_u64; 2], [0_u64; 2]);
     for lane in 0..8 {
         front[lane / 4] += u64::from(heights[lane] > slack);

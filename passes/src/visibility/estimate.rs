@@ -119,7 +119,7 @@ impl<'a> Method<'a> {
         far.unwrap_or_else(|| exchange(&front, &other))
     }
 
-    /// Samples a pair to the end.
+    /// Samples a pair until its row is good enough. `block` computes which segments of a batch are blocked.
     pub(super) fn sample(
         &self,
         mut sampling: Sampling,

@@ -49,7 +49,7 @@ pub use pairs::{AllPairs, Cursor, NearPairs, PairSource, RowPairs};
 pub use points::REPLICATES;
 pub use surfaces::Surfaces;
 
-/// How segments count that do not leave the front of both triangles.
+/// How segments count if they do not leave the front of both triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Facing {
     /// They are left out: the visibility is that of the parts that face each other, and absent if there are none.
@@ -84,7 +84,7 @@ pub enum Effort {
 pub struct Options {
     /// When a pair is sampled well enough.
     pub effort: Effort,
-    /// How segments count that leave a back side.
+    /// How segments count if they leave the back of a triangle.
     pub facing: Facing,
     /// The point set.
     pub sampler: Sampler,
@@ -121,7 +121,7 @@ impl Options {
         }
     }
 
-    /// Greatest number of segments that a pair may need; the size of the point sets.
+    /// Greatest number of segments that a pair may need: the number of points of all its point sets together.
     pub(crate) fn most(&self) -> u32 {
         match self.effort {
             Effort::Samples(samples) => samples,
@@ -142,7 +142,7 @@ impl Default for Options {
     }
 }
 
-/// Finds the rows of many pairs, on any engine.
+/// Finds the rows, which are the results, of many pairs, on any engine.
 pub trait RowFinder {
     /// The options of the finder.
     fn options(&self) -> &Options;
@@ -191,14 +191,14 @@ pub struct Row {
     pub class: Class,
     /// The visibility, 0 to 1; `None` if no segment leaves the front of both and such segments are skipped.
     pub visibility: Option<f64>,
-    /// Standard error of the visibility; 0 where it is exact. Where all samples agree, it is 3 divided by their number, the bound of the
-    /// rule of three. The visibility ± [`Self::QUANTILE`] times the error is a 95 % interval.
+    /// Standard error of the visibility; 0 where it is exact. Where all counted segments are open, or all are blocked, it is the bound of
+    /// the rule of three: 3 divided by their number, but at most 1. The visibility ± [`Self::QUANTILE`] times the error is a 95 % interval.
     pub error: f64,
     /// The form factors from the first to the second triangle and back, if they were asked for: shares of what leaves a triangle.
     pub form_factors: Option<[f64; 2]>,
     /// Standard errors of the form factors; 0 where they are exact.
     pub form_factor_errors: [f64; 2],
-    /// Number of segments that were sampled for the visibility.
+    /// Number of segments that were sampled for the visibility; 0 where it is exact.
     pub samples: u32,
     /// Number of those segments that leave the front of both triangles.
     pub valid: u32,

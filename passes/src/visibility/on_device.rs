@@ -8,7 +8,7 @@ use crate::trace::{Segment, SegmentTracer, Segments};
 use curitiba_pipeline::backend::BackendError;
 use rayon::prelude::*;
 
-/// Pairs that are decided before a launch; those to be sampled on the device wait for it.
+/// Number of pairs that are decided at a time, before the device traces segments of those that need it.
 const TOGETHER: usize = 1 << 14;
 /// Approximate number of segments in a launch: 32 MiB.
 const LAUNCH: usize = 1 << 20;
@@ -37,7 +37,7 @@ struct Waiting {
     segments: Vec<Segment>,
 }
 
-/// A step that is traced.
+/// A step of a pair's segments that the device traces in this launch.
 struct Asked {
     step: Step,
     /// Valid lanes, one bit a lane.
@@ -180,7 +180,7 @@ impl Waiting {
         }
     }
 
-    /// Adds the answers, which start at bit `start`.
+    /// Adds the device's answers to the pair's tallies; the answers for this pair start at bit `start`.
     fn add(&mut self, bits: &[u32], start: usize, batch: &mut Batch) {
         let mut place = start;
         for Asked { step, valid, weights } in &self.asked {
@@ -199,7 +199,7 @@ impl Waiting {
         }
     }
 
-    /// Advances to the next step. At the end of the last round, returns the pair's index and its row.
+    /// Advances to the next step. After the last round, returns the pair's index in its chunk and its row; before that, `None`.
     fn end(&mut self, options: &Options) -> Option<(usize, Row)> {
         let last = self.asked.last()?.step;
         if let Some(next) = self.sampling.after(last) {

@@ -119,9 +119,9 @@ impl PairSource for RowPairs {
     }
 }
 
-/// Rows that are searched together.
+/// Windows (see [`WINDOW`]) that are searched together.
 const ROWS: u64 = 32;
-/// Ids of a row that are searched at a time; bounds the memory of a row.
+/// Greatest number of partner ids in a window. A window is a part of a row, the pairs of one triangle; this bounds the memory of a search.
 const WINDOW: u64 = 1 << 16;
 
 /// Pairs of triangles that face each other, of which one may receive at least the share `least` of what leaves the other. The bound is
@@ -140,7 +140,7 @@ pub struct NearPairs<'a> {
 }
 
 impl<'a> NearPairs<'a> {
-    /// `least` must be above 0; at 1 only pairs whose boxes nearly touch are left.
+    /// `least` must be above 0. At 1, only pairs are left whose boxes are no farther apart than the square root of `A / π`.
     #[must_use]
     pub fn new(surfaces: &'a Surfaces, least: f64) -> Self {
         let tree = Tree::build(surfaces.geometry(), |_| true);

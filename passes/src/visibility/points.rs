@@ -10,7 +10,7 @@ use crate::sampling::owen_sobol::{laine_karras, reversed_sobol};
 /// Number of independent point sets of a pair; their spread gives the error.
 pub const REPLICATES: usize = 8;
 
-/// Separates the hashes of these point sets from those of pixels, paths and dimensions.
+/// Last word of the input of these hashes: it separates them from the hashes of pixels, paths and dimensions.
 const PAIR: u32 = 3;
 
 /// The unscrambled points of one replicate, by dimension.

@@ -9,12 +9,12 @@ use crate::trace::Segment;
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Segments that an estimate to a given error begins with.
+/// Number of segments with which an estimate to a given error begins.
 const FIRST: u32 = 64;
 /// Pairs nearer than this, in radii of the larger triangle, have their form factors sampled by solid angle: sampled by area, their variance
 /// is unbounded where triangles touch.
 const NEAR: f64 = 2.0;
-/// The rule of three: where none of n samples differs, the share that differs is below 3 / n with 95 % confidence.
+/// The rule of three: where n samples all agree, the share that differs from them is below 3 / n with 95 % confidence.
 const THREE: f64 = 3.0;
 
 /// Sums of a pair's segments, by replicate: valid segments, open ones, and the weights of open ones; and the total weight of all valid ones.
@@ -52,7 +52,7 @@ pub(super) struct Sampling {
     reach: f32,
     /// Number of segments at the end of the round.
     samples: u32,
-    /// Number of points of a replicate before the round.
+    /// Number of points of a replicate that earlier rounds used.
     done: u32,
     seen: Tally,
     carried: Tally,
@@ -107,7 +107,8 @@ impl Sampling {
         tally.add(batch);
     }
 
-    /// Ends the round. Returns the row if it is good enough; else doubles the number of segments and begins the next round.
+    /// Ends the round. Returns the row if it is good enough or the number of segments is at its limit; else doubles that number and begins
+    /// the next round.
     pub(super) fn end_round(&mut self, options: &Options) -> Option<Row> {
         let row = self.summary(options);
         let error =
@@ -155,7 +156,7 @@ impl Sampling {
         let form_factors = options.form_factors.then(|| {
             let (tally, scale) = carried.map_or((seen, a * b), |carried| (carried, a));
             let (mean, error) = ratio(&tally.carried, &each).unwrap_or_default();
-            // Where no segment or every segment is blocked: the rule of three, times what the segments would carry.
+            // Where no segment or every segment is blocked: the rule of three, times what all segments would carry if none were blocked.
             let valid: f64 = tally.valid.iter().sum();
             let open: f64 = tally.open.iter().sum();
             let offered = tally.offered / f64::from(samples);
@@ -259,7 +260,7 @@ fn is_near(pair: &Pair) -> bool {
     m.distance(n) - r - s < NEAR * r.max(s)
 }
 
-/// The least power of two that is not shorter than any segment of a pair, clamped to the range of `f32`.
+/// The least power of two that is not shorter than any segment of a pair, clamped to 2^-120 to 2^120, which `f32` can hold.
 fn reach(pair: &Pair) -> f32 {
     let [a, b] = pair.sides.map(|side| side.start);
     let longest = a.iter().flat_map(|from| b.iter().map(|to| from.distance(*to))).fold(0.0, f64::max);

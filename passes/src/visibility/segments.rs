@@ -17,7 +17,7 @@ const LOOK: usize = 8;
 pub(super) struct Batch {
     pub(super) from: [[f64; BATCH]; 3],
     pub(super) to: [[f64; BATCH]; 3],
-    /// What a segment carries between areas of 1: `cos cos / (π r²)`.
+    /// What a segment carries: `cos cos / (π r²)` between uniform points; `Sampling::towards` sets other weights.
     pub(super) weight: [f64; BATCH],
     /// 1 where a segment leaves both fronts, else 0.
     pub(super) valid: [u64; BATCH],
@@ -38,8 +38,8 @@ impl Default for Batch {
 }
 
 impl Batch {
-    /// Fills the batch with points `first` to `first + 8` of every replicate, from sets of `points` points; points beyond the set are not
-    /// valid.
+    /// Fills the batch with points `first` to `first + 8` of every replicate, from sets of `points` points; lanes with points beyond the
+    /// set are marked as not valid.
     pub(super) fn fill(&mut self, table: &Table, pair: &Pair, (key, seed): ([u32; 2], u32), first: u32, points: u32) {
         Detected::cached().run(Fill { batch: self, table, pair, key, seed, first, points });
     }

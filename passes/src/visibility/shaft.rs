@@ -49,7 +49,7 @@ impl Polygon {
         &self.corners[..self.count]
     }
 
-    /// Each corner and the next.
+    /// The edges: each corner with the next one.
     pub(super) fn edges(&self) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
         (0..self.count).map(|index| (self.corners[index], self.corners[(index + 1) % self.count]))
     }
@@ -73,7 +73,7 @@ impl Polygon {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Side {
     pub(super) id: u32,
-    /// The triangle between whose points segments run: the corners, offset from the surface.
+    /// Corners of the triangle after the offset from its surface; segments start or end at its points.
     pub(super) start: [DVec3; 3],
     /// Unit normal of the front.
     pub(super) normal: DVec3,
@@ -103,13 +103,13 @@ impl Side {
 /// Two triangles that face each other at least in part.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pair {
-    /// Origin of the pair's positions, itself relative to the scene's shift.
+    /// Origin that the pair's positions are relative to. It is itself relative to [`Surfaces::shift`].
     pub(super) origin: DVec3,
     pub(super) sides: [Side; 2],
 }
 
 impl Pair {
-    /// `None` if no segment leaves the front of both.
+    /// `None` if no segment leaves the front of both, or one has no area or a corner that is not finite.
     ///
     /// Which points of one side are in front of the other does not depend on where a segment ends on the other. So the segments that leave
     /// both fronts are those between two convex polygons.
@@ -156,7 +156,7 @@ pub(super) struct Shaft {
     offsets: [f64; LANES],
     /// The corners by axis: four lanes a side; unused lanes repeat the last corner.
     ends: [[f64; 8]; 3],
-    /// The middles of both sides.
+    /// The middles of the fronts of both sides.
     axis: [DVec3; 2],
     /// The largest coordinate of a corner.
     size: f64,
@@ -260,7 +260,7 @@ impl Shaft {
         heights
     }
 
-    /// Whether a triangle has points inside the shaft; touching its surface does not count.
+    /// Whether a triangle has points inside the shaft; touching the shaft's surface does not count.
     #[inline(always)]
     fn meets(&self, corners: &[DVec3; 3]) -> bool {
         let [a, b, c] = *corners;
@@ -350,7 +350,7 @@ impl Shaft {
         true
     }
 
-    /// Gathers the triangles that have points inside the shaft, except the pair's own; false if there are too many.
+    /// Gathers the triangles that have points inside the shaft, except the pair's own; false if there are more than [`GATHERED`].
     pub(super) fn gather(&self, surfaces: &Surfaces, pair: &Pair, room: &mut Gathered) -> bool {
         room.blockers.clear();
         Detected::cached().run(Descent { shaft: self, surfaces, pair, room })
@@ -372,7 +372,7 @@ struct Rough {
     low: Vec3,
     high: Vec3,
     origin: Vec3,
-    /// Largest distance of the box from the origin.
+    /// Largest distance of the shaft's box from the origin along an axis.
     size: f32,
 }
 
@@ -408,7 +408,7 @@ impl Rough {
         rough
     }
 
-    /// The children that may have points inside, one bit each. Only the part of a child's box inside the shaft's box is tested.
+    /// The children that may have points inside the shaft, one bit each. Only the part of a child's box inside the shaft's box is tested.
     #[inline(always)]
     fn enters(&self, node: &Node) -> u32 {
         let (mut low, mut high) = ([[0.0_f32; WIDE]; 3], [[0.0_f32; WIDE]; 3]);
@@ -438,8 +438,8 @@ impl Rough {
         bits(&out)
     }
 
-    /// Two masks: the triangles that may have points inside, and those of them that do not certainly have one. A triangle certainly has one
-    /// if a corner lies inside all faces by more than the rounding error.
+    /// Two masks: the triangles that may have points inside the shaft, and those of them that do not certainly have one. A triangle
+    /// certainly has one if a corner lies inside all faces by more than the rounding error.
     #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
     #[inline(always)]
     fn meets(&self, leaf: &Leaf) -> [u32; 2] {

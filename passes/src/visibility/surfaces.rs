@@ -35,8 +35,8 @@ pub struct Surfaces {
 impl Surfaces {
     /// Takes all triangles. Those of materials that `see_through` marks block nothing (materials beyond its end are opaque).
     ///
-    /// A scene that lies far from the origin is moved there if that is exact for every position. Rounding errors are then relative to the
-    /// size of the scene and not to its place.
+    /// A scene that lies far from the origin is moved to the origin if that is exact for every position. Rounding errors are then relative
+    /// to the size of the scene and not to its place.
     #[must_use]
     pub fn new(geometry: &Geometry, see_through: &[bool]) -> Self {
         let shift = shift_of(&geometry.positions);

@@ -5,11 +5,11 @@
 use crate::trace::Bounds;
 use curitiba_pipeline::scene::Geometry;
 
-/// Children of a node, and triangles of a leaf.
+/// Number of children of a node, and of triangles of a leaf.
 pub(super) const WIDE: usize = 8;
 /// Bins of the surface area heuristic.
 const BINS: usize = 16;
-/// From this depth on, triangles are halved by their order, which bounds the depth.
+/// From this depth on (each node counts three), triangles are halved by their order, which bounds the depth.
 const DEEP: usize = 48;
 
 /// Flag of a child that is a leaf.
@@ -77,7 +77,7 @@ impl Tree {
     /// Appends the node over a part, and everything below it.
     fn node(&mut self, geometry: &Geometry, items: &mut [Item], part: Part, depth: usize) -> u32 {
         let mut parts = vec![part];
-        // Divides the part with the largest surface that is too large for a leaf, until there are eight parts.
+        // Of the parts that are too large for a leaf, divides the one with the largest surface, until there are eight parts.
         while parts.len() < WIDE {
             let largest = (0..parts.len())
                 .filter(|index| parts[*index].end - parts[*index].first > WIDE)

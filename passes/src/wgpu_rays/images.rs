@@ -22,7 +22,7 @@ pub struct Views {
 /// Textures that are kept from pass to pass.
 #[derive(Debug)]
 pub struct Images {
-    /// Bound in place of channels that a program does not read.
+    /// Bound in place of channels that are absent.
     unread: [wgpu::TextureView; 4],
     channels: [Option<wgpu::Texture>; 4],
     output: Option<wgpu::Texture>,
@@ -34,7 +34,7 @@ fn whole(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// The texture in a slot; replaced by a new one if its size differs from `size`.
+/// The texture in a slot; a new one if the slot is empty or its texture's size differs from `size`.
 fn kept(slot: &mut Option<wgpu::Texture>, size: [u32; 2], make: impl FnOnce() -> wgpu::Texture) -> &wgpu::Texture {
     if slot.as_ref().is_some_and(|texture| [texture.width(), texture.height()] != size) {
         // The old texture is released first: memory may not hold both.
@@ -63,7 +63,7 @@ impl Images {
         Err(check::missing(NAME, job, &why))
     }
 
-    /// Copies the channels that the program reads from host memory.
+    /// Copies the channels that the job has in host memory to the device.
     pub fn upload(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<Views, BackendError> {
         let data: [&[u8]; 4] = [
             bytemuck::cast_slice(job.color),
@@ -128,7 +128,7 @@ impl Images {
         self.channel(views, 1)
     }
 
-    /// Size in bytes of device memory.
+    /// Device memory, in bytes, of the uploaded channels, the picture and the textures of a filter.
     pub fn bytes(&self) -> u64 {
         let textures = self.channels.iter().chain([&self.output]).chain(&self.filter).flatten();
         let bytes = |texture: &wgpu::Texture| {

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 const WANTED: Duration = Duration::from_millis(20);
 /// Wanted duration for drivers that compute on the processor, which no watchdog resets.
 const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
-/// Tiles of the first launch, when neither program nor device is known.
+/// Tiles of the first launch, when the speed of the program on the device is unknown.
 const FIRST_TILES: u32 = 64;
 /// Greatest number of rays from a point to the discs of lights for which the first launch has [`FIRST_TILES`] tiles.
 const FEW_RAYS: u32 = 64;
@@ -21,7 +21,7 @@ const FEW_RAYS: u32 = 64;
 const GROWTH: u32 = 8;
 /// Greatest number of kernels whose timestamps are read together.
 const SLOTS: u32 = 64;
-/// Distance between the timestamps of two kernels: timestamps must be written at multiples of this.
+/// Distance in bytes between the timestamps of two kernels: timestamps must be written at multiples of this.
 const SLOT_BYTES: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
 
 /// Measures launches by the device's own clock.
@@ -128,7 +128,7 @@ pub(super) fn next_size(tiles: u32, took: Duration, wanted: Duration) -> u32 {
 }
 
 /// Runs a pass over all tiles of its picture, and waits for the end. `size` is the number of tiles of the next launch, kept from pass to
-/// pass. Returns the duration by the device's clock; `None` without a clock.
+/// pass; `None` before the first launch. Returns the duration by the device's clock; `None` without a clock.
 pub fn run(
     gpu: &Gpu,
     clock: Option<&Clock>,

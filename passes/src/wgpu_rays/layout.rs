@@ -36,7 +36,7 @@ pub const BODY_WORDS: u32 = 23;
 /// Words before these materials: the settings of a pass for paths in glass. The first word says how light passes glass: 0 dimmed as in the
 /// report, 1 straight, else the place of the spheres that focus it ([`LENS_HEAD`]). The words named by [`HEAD`] follow.
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
-/// Names, in the programs, of the places of these words, from the second on.
+/// The programs' names for the places of the words of [`BODY_HEAD`], from the second word on.
 pub const HEAD: [&str; 10] = [
     "HEAD_CUTOFF",
     "HEAD_REFLECTIONS",
@@ -64,11 +64,11 @@ pub const SHAPE_THIN: u32 = 2;
 /// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
 /// Words before the lights in the tables: the number of lights, the share of a hidden light that arrives, and for discs the number of points,
-/// the height of the cap and the offset of the points.
+/// the height of the cap and the place of the points in the tables.
 pub const LIGHT_HEAD: u32 = 5;
 /// Words of a light in the tables.
 pub const LIGHT_WORDS: u32 = 17;
-/// The light has a place.
+/// The light is positional.
 pub const LIGHT_PLACE: u32 = 1;
 /// The light is a spot light.
 pub const LIGHT_CONE: u32 = 2;

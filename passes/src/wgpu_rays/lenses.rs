@@ -28,7 +28,7 @@ impl FindsLenses {
     /// [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] if there are too many of them.
+    /// [`BackendError::Unsupported`] if the scene has too many spheres of glass.
     pub fn of(&mut self, job: &RayJob<'_>, filtered: &[bool]) -> Result<Lenses, BackendError> {
         if job.scene.geometry.spheres.is_empty() || !asks_for_lenses(job) || !Variant::of(job).knows_bodies() {
             return Ok(Lenses::default());
@@ -39,13 +39,13 @@ impl FindsLenses {
             let structure = self.structure.get_or_insert_with(build);
             return cpu::lenses(structure, job);
         }
-        // The tree is not needed: spheres that touch each other are left out anyway.
+        // Without bodies of triangles no tree is needed: spheres that touch each other are left out anyway.
         Lenses::of(&job.scene.geometry, job.dielectrics, |_| false)
             .map_err(|why| cpu::check::missing(super::NAME, job, &why))
     }
 }
 
-/// Whether triangles are bodies of glass.
+/// Whether any triangles are surfaces of bodies of glass.
 fn has_bodies(geometry: &Geometry, dielectrics: &[Dielectric]) -> bool {
     let is_body = |material: u32| dielectrics.get(material as usize).is_some_and(|glass| glass.shape == Shape::Solid);
     geometry.batches.iter().any(|batch| batch.count > 0 && is_body(batch.material))

@@ -1,7 +1,8 @@
 //! The ray backend for any GPU: our own traversal in compute shaders of wgpu, on Vulkan, Metal and DirectX 12.
 //!
-//! `programs/` has one WGSL file an effect. They need neither 64-bit numbers nor subgroups nor ray-tracing cores, and do not assume how a
-//! driver rounds products: a ray through an edge or a corner hits what it hits on the processor (`programs/wide.wgsl` explains how).
+//! `programs/` has a WGSL file for each effect, and their common parts. The programs need neither 64-bit numbers nor subgroups nor ray-tracing
+//! cores, and do not assume how a driver rounds products: a ray through an edge or a corner hits what it hits on the processor
+//! (`programs/wide.wgsl` explains how).
 //!
 //! The device may be shared with the rasteriser ([`WgpuRays::on`]).
 
@@ -95,9 +96,9 @@ pub struct WgpuRays {
     /// Number of points for which tests leave room.
     #[cfg(test)]
     room: Option<u32>,
-    /// The attachments of a rasteriser on the same device, once they are read in place.
+    /// The attachments of a rasteriser on the same device; `None` where they are not read in place.
     lending: Option<Arc<Lending>>,
-    /// Number of tiles of the next launch, by kind of kernel and number of rays to the discs of lights.
+    /// Number of tiles of the next launch, by kind of kernel and number of rays to the discs of lights; `None` before the first launch.
     sizes: HashMap<(Kind, u32), Option<u32>>,
 }
 
@@ -295,7 +296,7 @@ impl WgpuRays {
         })
     }
 
-    /// Copies the mip levels of the scene's textures to the device for the first job that asks for them. Returns whether they are there.
+    /// Copies the mip levels of the scene's textures to the device for the first job that asks for them. Returns whether they are on the device.
     fn require_levels(&mut self, job: &RayJob<'_>) -> Result<bool, BackendError> {
         let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| std::ptr::eq(&raw const **scene, job.scene))
         else {
@@ -310,7 +311,7 @@ impl WgpuRays {
         Ok(self.built.as_ref().is_some_and(|(_, buffers)| buffers.has_levels))
     }
 
-    /// The attachments that the rasteriser lent, if they are those of the job.
+    /// The attachments that the rasteriser lent last; an error if they are not those of the job.
     fn in_place(&self, job: &RayJob<'_>, value: u64) -> Result<Views, BackendError> {
         let info = job.program.info();
         let reads = |buffer| info.buffers.contains(&buffer);
@@ -327,11 +328,11 @@ impl WgpuRays {
             let why = format!("what was drawn has no `{}`, which it reads", CHANNELS[missing]);
             return Err(check::missing(NAME, job, &why));
         }
-        // The attachment is cleared to 0, so ids are stored plus 1.
+        // The rasteriser clears the attachment of triangle ids to 0, so ids are stored plus 1.
         Ok(Views { channels: lent.channels, id_base: 1 })
     }
 
-    /// Reserves the list of points for the kernels of a job; returns the number of tiles whose points fit.
+    /// Reserves the list of points for the kernels of a job. Returns the number of tiles whose points fit; `u32::MAX` if no points are listed.
     fn require_points(&mut self, job: &RayJob<'_>, stages: &[Stage]) -> Result<u32, BackendError> {
         if stages.last() == Some(&Stage::Whole) {
             return Ok(u32::MAX);
@@ -354,7 +355,7 @@ impl WgpuRays {
         Ok(tiles as u32)
     }
 
-    /// Refuses jobs that it cannot run.
+    /// Refuses jobs that the backend cannot run.
     fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, true)?;
@@ -398,7 +399,7 @@ impl WgpuRays {
     }
 }
 
-/// Levels of the filter that a job asks for, and the exponent of its result.
+/// Levels of the filter that a job asks for, 0 where nothing is filtered; and the exponent of the filter's result.
 fn filter(job: &RayJob<'_>) -> (u32, f32) {
     let info = job.program.info();
     match job.fidelity {

@@ -83,7 +83,7 @@ pub enum Stage {
     Surfaces,
 }
 
-/// Least number of occlusion rays a point for which rays are settled; fewer are traced directly.
+/// Least number of occlusion rays a point for which [`Stage::Settle`] runs; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
 /// The kernels of a program, in order of execution, without [`Stage::Eye`]: it runs first where the camera may be in a body. [`Stage::List`]

@@ -18,7 +18,7 @@ use std::time::Instant;
 
 /// Segments that a workgroup traces.
 const GROUP: u32 = 64;
-/// Workgroups of the first launch, when the device is unknown.
+/// Workgroups of the first launch, when the speed of the device is unknown.
 const FIRST_GROUPS: u32 = 64;
 /// Size in bytes of the buffer that holds a launch's range of segments.
 const PART_BYTES: u64 = 16;
@@ -31,7 +31,7 @@ pub struct WgpuSegments {
     pipeline: wgpu::ComputePipeline,
     parameters: wgpu::Buffer,
     part: wgpu::Buffer,
-    /// Buffers for segments, their pairs, the answers, and the answers as the host reads them.
+    /// Buffers for segments, their pairs, the answers, and the answers as the host reads them; `None` before the first call.
     room: Option<[wgpu::Buffer; 4]>,
     /// Number of workgroups of the next launch.
     groups: u32,

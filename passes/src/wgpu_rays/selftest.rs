@@ -1,4 +1,4 @@
-//! Tests how a driver computes `fma` and whether it runs long loops; done once when the device is opened.
+//! Tests how a driver computes `fma`, when a backend is made, and whether it runs long loops, when the glass of a pass needs them.
 
 use super::programs::{Arithmetic, Rounding};
 use crate::raster::gpu::device::Gpu;

@@ -11,7 +11,7 @@ use glam::Vec3;
 /// What programs need of the spheres besides the nodes, which lie behind those of the triangles.
 #[derive(Debug)]
 pub struct DeviceSpheres {
-    /// The root of their tree; `None` where nothing can hit them.
+    /// The root of their tree; `None` where there are no spheres or nothing can hit them.
     pub root: Option<u32>,
     /// Two vectors a sphere (`programs/spheres.wgsl`).
     pub list: Vec<[[u32; 4]; 2]>,

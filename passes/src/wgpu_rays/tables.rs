@@ -1,4 +1,4 @@
-//! The data of a pass in addition to the scene: materials, texture sizes, occlusion points, and tables of weights.
+//! The data of a pass in addition to the scene: materials, texture sizes, occlusion points, glass, lights, and tables of weights.
 
 use super::layout::{
     BODY_HEAD, BODY_WORDS, LARGEST_RANGE, LIGHT_CONE, LIGHT_HEAD, LIGHT_PLACE, LIGHT_WORDS, Params, SHADE_CUT,

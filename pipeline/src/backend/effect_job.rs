@@ -9,7 +9,7 @@ use std::time::Duration;
 /// One effect pass. All images have the same size.
 #[derive(Debug, Clone, Copy)]
 pub struct EffectJob<'a> {
-    /// The scene drawn into maps; it is uploaded already.
+    /// The scene that the effect draws into its maps; the rasteriser holds it already.
     pub scene: &'a RenderScene,
     /// The program that runs per pixel.
     pub program: EffectProgram,
@@ -19,7 +19,7 @@ pub struct EffectJob<'a> {
     pub seed: u32,
     /// The camera that drew the G-buffer; the G-buffer covers its whole viewport.
     pub view: View,
-    /// The light, for programs that read it.
+    /// The single directional light, for programs that read it; otherwise `None`.
     pub sun: Option<Sun>,
     /// Pixels a row.
     pub width: u32,
@@ -36,13 +36,13 @@ pub struct EffectJob<'a> {
     pub color: &'a [[f32; 4]],
     /// Triangle ids. Empty if the program does not distinguish glass.
     pub triangle: &'a [u32],
-    /// Colours of the materials in maps, by material index.
+    /// Colours with which materials are drawn into maps, by material index.
     pub shades: &'a [Shade],
     /// Whether a material is glass, by material index. Glass is not drawn into cube maps and mirrors.
     pub glass: &'a [bool],
 }
 
-/// Time of a part of an effect.
+/// Time of one part of an effect pass: its maps or its pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Part {
     /// Host time with synchronisation.
@@ -66,8 +66,8 @@ pub struct EffectStats {
     pub triangles: u64,
     /// Bytes of the maps.
     pub bytes: u64,
-    /// Number of glass pixels, and how many of them no map covers: those keep their colour. `[0, 0]` for a program whose maps cover
-    /// all glass.
+    /// Number of glass pixels, and how many of them no mirror covers: those keep their colour. `[0, 0]` for programs without
+    /// mirrors.
     pub glass_pixels: [u64; 2],
     /// What answered the rays of glass pixels; only for programs that march rays through screen space.
     pub answers: Option<Answers>,

@@ -15,7 +15,7 @@ pub struct Light {
     pub direction: Vec3,
     /// Linear colour, where the attenuation is 1.
     pub color: Vec3,
-    /// Attenuation of a light with a position: it is divided by `constant + linear d + quadratic d²` at a distance `d`.
+    /// Attenuation of a light with a position: its light is divided by `constant + linear d + quadratic d²` at a distance `d`.
     pub attenuation: [f32; 3],
     /// Distance at which a light with a position ends; infinite if it has no end.
     pub range: f32,
@@ -23,7 +23,7 @@ pub struct Light {
     pub cone: Option<Cone>,
 }
 
-/// The cone of a spot light. Without an exponent its factor is 1 within the inner angle and 0 outside of the outer angle.
+/// The cone of a spot light. With an exponent of 0 its factor is 1 within the inner angle and 0 outside of the outer angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cone {
     /// Cosine of the angle to the axis up to which the light is not reduced.

@@ -53,9 +53,9 @@ pub struct RasterJob<'a> {
     /// Those of [`Self::attachments`] that are also written into the memory made by
     /// [`Rasteriser::share`](super::Rasteriser::share), which has the viewport's size.
     pub shared: Attachments,
-    /// Those of [`Self::attachments`] that are declared as 16-bit floats. A rasteriser with attachments of its own stores them so,
-    /// and effects read the rounded values; in host memory the executor rounds them. The rounding mode of a device is its own
-    /// choice.
+    /// Those of [`Self::attachments`] that are declared as 16-bit floats. A rasteriser that keeps attachments on a device stores
+    /// these as 16-bit floats, and effects read the rounded values; in host memory the executor rounds them. The device chooses the
+    /// rounding mode.
     pub half: Attachments,
     /// Whether depth and attributes are interpolated between corners snapped to the subpixel grid (thesis fidelity), or between the exact
     /// corners. Devices use their own interpolation for snapped corners. For exact corners they use it only for values that their

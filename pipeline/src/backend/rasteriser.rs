@@ -102,12 +102,12 @@ pub trait Rasteriser {
     fn draws_spheres(&self) -> bool {
         false
     }
-    /// A handle through which a ray backend on the same device reads attachments without a copy. It refers to the last job that
-    /// named attachments in [`RasterJob::shared`].
+    /// A handle through which a ray backend on the same device reads attachments without a copy; `None` if the rasteriser lends none.
+    /// The handle refers to the last job that named attachments in [`RasterJob::shared`].
     fn lends(&mut self) -> Option<InPlace> {
         None
     }
-    /// The device, if other interfaces (CUDA, OptiX) can read its attachments in place.
+    /// The device, if other interfaces (CUDA, OptiX) can read its attachments in place; otherwise `None`.
     fn shares(&self) -> Option<DeviceUuid> {
         None
     }

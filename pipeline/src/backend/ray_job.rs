@@ -39,7 +39,7 @@ pub struct RayJob<'a> {
     pub eye: Vec3,
     /// The cone of rays through a pixel, for texture lookups that are filtered by ray cones.
     pub cone: PixelCone,
-    /// The light, for programs that read it.
+    /// The single directional light, for programs that read it; `None` if the pass has none.
     pub sun: Option<Sun>,
     /// The lights that replace [`Self::sun`] if the pass has several lights or a light with a position; otherwise empty.
     pub lights: &'a [Light],
@@ -63,8 +63,8 @@ pub struct RayJob<'a> {
     pub shared: Option<u64>,
     /// Linear colour of rays that miss the scene; black in thesis fidelity.
     pub beyond: Vec3,
-    /// Glass properties by material index, for `glass=auto` in corrected fidelity. Empty: all glass is thin panes of the pass's
-    /// index.
+    /// Glass properties by material index, for `glass=auto` in corrected fidelity. Empty: all glass is thin panes with the pass's
+    /// index of refraction.
     pub dielectrics: &'a [Dielectric],
     /// Colours that hits are shaded with, by material index.
     pub shades: &'a [Shade],

@@ -119,7 +119,7 @@ impl PathsSpent {
         self.paths as f64 / self.pixels.max(1) as f64
     }
 
-    /// Combines several pictures: sums of the counts, the largest error, and whether every picture met its error.
+    /// Combines the statistics of two pictures: sums of the counts, the larger error, and whether both pictures met their error.
     #[must_use]
     pub fn together(self, other: Self) -> Self {
         Self {

@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec4};
 
-/// Colours of a material as a pass sees them, after the project's injections and maps.
+/// Colours of a material as a pass sees them, after the project's colour maps (`injectionMaps`, `materialMaps`) are applied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shade {
     /// Diffuse colour.

@@ -12,8 +12,8 @@ pub struct View {
     pub clip_from_world: Mat4,
     /// Camera position in world space.
     pub eye: Vec3,
-    /// Like [`Self::clip_from_world`], but for positions minus [`Self::eye`]. Rasterisers project with it where it is given: a
-    /// camera far from the origin has a large translation in its matrix, and the product loses digits that the difference keeps.
+    /// Like [`Self::clip_from_world`], but for positions minus [`Self::eye`]; `None` near the origin. Rasterisers prefer this matrix:
+    /// far from the origin the other one has a large translation, and its product with a position loses digits that the difference keeps.
     pub clip_from_eye: Option<Mat4>,
     /// Side of the square over which a texture lookup is filtered, in pixels: 1 for one sample a pixel, below 1 for several.
     pub footprint: f32,
@@ -53,9 +53,9 @@ impl View {
     }
 }
 
-/// The cone of rays through a pixel, in the middle of the picture: at the distance t from the eye, in scene units, it is
-/// `width + spread * t` wide, across the ray. A pixel at an angle a off the middle is narrower: by cos² a towards the middle, and by cos a
-/// across that.
+/// The cone of rays through a pixel in the middle of the picture: at the distance t from the eye, in scene units, it is
+/// `width + spread * t` wide, across the ray. At an angle a from the middle the cone of a pixel is narrower than this: by the factor cos² a
+/// in the radial direction, and by cos a across that.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PixelCone {
     /// Width at the eye: 0 with perspective.
@@ -65,7 +65,7 @@ pub struct PixelCone {
 }
 
 impl PixelCone {
-    /// The cone of a view's pixels, for a viewport of this width and height in pixels. The longer side of a pixel counts, as in
+    /// The cone of a view's pixels, for a viewport of this width and height in pixels. Its width is the longer side of a pixel, as in
     /// rasterisers, times [`View::footprint`].
     #[must_use]
     pub fn of(view: &View, [width, height]: [u32; 2]) -> Self {

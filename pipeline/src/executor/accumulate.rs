@@ -99,11 +99,11 @@ impl Accumulation {
     /// Takes one more batch of `samples` samples a point in every accumulated pass.
     ///
     /// # Errors
-    /// As [`Renderer::frame`], or if there would be more than [`MAX_SAMPLES`]. After an error the accumulation must not be used any
-    /// more.
+    /// As [`Renderer::frame`], or if `samples` is 0 or there would be more than [`MAX_SAMPLES`] in all. After an error the accumulation
+    /// must not be used any more.
     ///
     /// # Panics
-    /// If the accumulation belongs to another renderer, or something was set since it began.
+    /// If something other than the seed was set since the last frame; possibly if the accumulation belongs to another renderer.
     pub fn add(
         &mut self,
         renderer: &mut Renderer,
@@ -147,13 +147,13 @@ impl Accumulation {
 }
 
 impl Renderer {
-    /// Prepares an accumulation: runs everything that must run before the first pass that takes samples.
+    /// Prepares an accumulation: runs the outdated passes that neither take samples nor depend on a pass that takes samples.
     ///
     /// # Errors
-    /// As [`Self::frame`], or where samples cannot be accumulated: with strata, which are no sequence, and so in thesis fidelity;
-    /// for colours with an exponent (`final` with an `intensity` other than 1); for a pass that reads what another one accumulates;
-    /// for pictures in bands, and with several samples a pixel; on a backend that does not
-    /// [continue sequences](crate::backend::RayBackend::continues_sequences).
+    /// As [`Self::frame`], or where samples cannot be accumulated: with strata, which form no sequence, and so in thesis fidelity; for
+    /// colours with an exponent (`final` with an `intensity` other than 1); for glass that is sampled to an error ([`RayParams::error`]);
+    /// for a pass that depends on another accumulated pass; for pictures in bands, and with several samples a pixel; on a backend that
+    /// does not [continue sequences](crate::backend::RayBackend::continues_sequences).
     pub fn accumulation(&mut self, observer: &mut dyn Observer) -> Result<Accumulation, RenderError> {
         self.settle(observer)?;
         if self.samples().are_several() {
@@ -346,7 +346,7 @@ impl Renderer {
 }
 
 /// Parameters and program of a pass whose samples are accumulated, by the tables of programs and parameters. `None` if the pass
-/// takes no samples.
+/// traces neither occlusion rays, camera rays nor shadow rays over the light's disc, and shoots no photons.
 fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, &'static RayProgramInfo)>, PlanError> {
     let pass = plan.pass(planned);
     let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &pass.kind) else { return Ok(None) };

@@ -31,7 +31,7 @@ impl ChangeError {
     }
 }
 
-/// A change to the project that no settings hold.
+/// A change to a camera or a light of the project, which [`Settings`] do not hold.
 #[derive(Debug, Clone)]
 pub(super) enum Edit {
     Pose(String, Pose),
@@ -192,7 +192,7 @@ impl Renderer {
     /// [`Self::channel`] reads them after the next frame.
     ///
     /// # Errors
-    /// If no pass writes one of them.
+    /// If a channel does not exist, or no pass writes it.
     pub fn set_shown(&mut self, channels: &[String]) -> Result<(), ChangeError> {
         self.set(|settings| settings.show = channels.to_vec())
     }
@@ -364,7 +364,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// New buffers for targets (by index) and the window, in place of those that are too small or lack a channel.
+    /// New buffers for targets (by index) and the window, in place of those that have another size or lack a channel. `None` keeps a buffer.
     fn new_buffers(&self, before: &Plan, keeps: bool) -> Result<(Vec<Option<GBuffer>>, Option<GBuffer>), Refused> {
         let (had, needed) = (buffer_sizes(before), buffer_sizes(&self.plan));
         let several = |plan: &Plan| plan.parts.list.len() > 1;
@@ -390,7 +390,7 @@ impl Renderer {
         }
     }
 
-    /// Clears the outputs of passes that no longer run, in the window and in targets that other passes still write.
+    /// Clears the window, and each target that other passes still write, if a pass that wrote to it no longer runs.
     fn clear_what_nobody_writes(&mut self) {
         let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
         let runs = |index: usize| self.plan.passes.iter().any(|planned| planned.pass == index);

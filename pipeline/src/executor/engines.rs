@@ -9,7 +9,7 @@ use std::fmt;
 /// Constructor of a ray backend.
 type Make = Box<dyn FnOnce() -> Result<Box<dyn RayBackend>, BackendError>>;
 
-/// A ray backend that is made when it is needed: the first one, or a fallback.
+/// Name and constructor of a ray backend, which is made only when it is needed: as the first one, or as a fallback.
 pub struct Spare {
     pub(super) name: &'static str,
     pub(super) make: Make,

@@ -24,8 +24,8 @@ impl Renderer {
         }
     }
 
-    /// Replaces the ray backend after a failure by the next fallback that can be made and runs every pass. No structure is built in
-    /// it yet.
+    /// Replaces the ray backend after a failure by the next fallback that can be made and can run every pass. The fallback has no
+    /// acceleration structure yet.
     ///
     /// # Errors
     /// The failure itself, if no fallback is left: none was allowed, or all have failed.

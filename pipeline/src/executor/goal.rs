@@ -22,7 +22,8 @@ pub enum Goal {
     Samples(u32),
     /// After the first batch that ends later than this, but not before the second batch.
     Time(Duration),
-    /// When the root mean square of the pixels' standard errors is at most this in every pass, or after [`MAX_SAMPLES`].
+    /// When the root mean square of the pixels' standard errors is at most this in every pass, but not before the fourth batch; or after
+    /// [`MAX_SAMPLES`].
     Error(f64),
 }
 
@@ -74,7 +75,7 @@ impl Batch {
             return None;
         }
         match goal {
-            // Powers of two, so that each batch is well distributed by itself; about sixteen batches, to estimate the scatter.
+            // Powers of two, at most 64, so that each batch is well distributed by itself; at least sixteen batches, to estimate the scatter.
             Goal::Samples(wanted) if done < wanted => {
                 let samples = (1 << (wanted / 16).max(1).ilog2().min(6)).min(wanted - done);
                 Some(Self { samples, shares: [done, done + samples].map(|n| f64::from(n) / f64::from(wanted)) })

@@ -111,7 +111,7 @@ impl Renderer {
         drawn
     }
 
-    /// The displayed picture, decoded from its codes to floats.
+    /// The displayed picture, decoded from its codes to floats; `None` if the last frame has no codes, or there is no memory.
     pub(super) fn displayed_image(&self) -> Option<Image> {
         let codes = &self.displayed.as_ref()?.codes;
         codes.decoded(self.plan.display.space).ok()

@@ -139,7 +139,7 @@ struct Surface {
 pub struct PassMaterials {
     /// Colours and textures.
     pub shades: Vec<Shade>,
-    /// Whether a raster pass culls the back faces of a material; empty if it culls none.
+    /// Whether a raster pass culls the back faces of a material; empty in thesis fidelity and for other passes.
     pub culled: Vec<bool>,
     /// Whether rays of a ray pass bounce on the material.
     pub glass: Vec<bool>,
@@ -200,9 +200,9 @@ pub struct Renderer {
     part: usize,
     /// Index of the sample that passes render, among the samples of a pixel.
     sample: u32,
-    /// Samples of the frame that are done.
+    /// Number of samples a pixel of the current frame that are done.
     taken: u32,
-    /// The shares of ray passes, by index of the plan, with an adaptive number of samples.
+    /// With an adaptive number of samples a pixel: the shares of ray passes, by index of the plan.
     shares: BTreeMap<usize, Shares>,
     /// By index of the pipeline: the inputs of each pass's last run; `None` if its picture no longer exists.
     ran: Vec<Option<dirty::Given>>,
@@ -604,7 +604,7 @@ impl Renderer {
         }
     }
 
-    /// A point light, relative to the origin of the scenes; `None` for directional lights.
+    /// A light with a position, relative to the origin of the scenes; `None` for directional lights.
     fn lamp(&self, light: usize) -> Option<Lamp> {
         let light = &self.plan.project.lights[light];
         let position = (light.position? - self.plan.origin).as_vec3();

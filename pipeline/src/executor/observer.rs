@@ -22,7 +22,7 @@ pub trait Observer {
     fn wrote_triangles(&mut self, triangles: &Triangles<'_>) {
         let _ = triangles;
     }
-    /// A ray pass ran. `picture` is not yet rounded to the format of its target.
+    /// A ray pass ran whose inputs and picture are in host memory. `picture` is not yet rounded to the format of its target.
     fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
         let _ = (pass, job, picture);
     }

@@ -26,15 +26,15 @@ pub(super) fn window([width, height]: [u32; 2]) -> Result<GBuffer, Refused> {
 }
 
 impl Renderer {
-    /// Loads every scene set, resolves the materials for each pass, then uploads for the first raster pass and builds for the first
-    /// ray pass.
+    /// Loads every scene set and resolves the materials for each pass. Then uploads the scene set of the first raster or effect pass,
+    /// and builds the structure for the first pass that traces rays.
     pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         self.check_drawn()?;
         self.load_scenes(observer)?;
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
         }
-        // The glass features that the scenes need are known only now.
+        // Only the loaded scenes tell which glass features the ray backends need.
         if let Some((pass, error)) = self.unsupported() {
             self.stand_in(&pass, error, observer)?;
         }
@@ -182,7 +182,7 @@ impl Renderer {
             self.warnings.append(std::mem::take(&mut loaded.warnings));
             let thesis = self.plan.settings.fidelity == Fidelity::Thesis;
             if thesis {
-                // The report's programs have no alpha test and no sky. Without an alpha test textures get plain mip levels.
+                // The report's programs have no alpha test and no sky. Without an alpha test textures get the mip levels of opaque ones.
                 for material in &mut loaded.materials {
                     (material.alpha_cutoff, material.sky) = (None, false);
                 }

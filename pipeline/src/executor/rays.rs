@@ -226,7 +226,7 @@ impl Renderer {
         }
     }
 
-    /// Clears the held bytes of the other rows of a backend: a backend holds memory for all its passes, which the last row shows.
+    /// Clears the held bytes in all rows of a backend: it holds memory for all its passes together, and only the last row shows the bytes.
     fn forget_held_bytes(&mut self, name: &str) {
         let engines = &self.engines;
         let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);

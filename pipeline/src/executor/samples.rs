@@ -2,7 +2,7 @@
 //!
 //! Each sample is a complete picture with one sample a pixel, from a camera that is shifted so that the sample positions are its
 //! pixel centres. So every pass works as without supersampling, whatever engine runs it, and only the sums take additional memory.
-//! With an adaptive number of samples, ray passes skip pixels ([`shares`](super::shares)).
+//! With an adaptive number of samples, ray passes skip pixels, which takes memory for their [`shares`](super::shares).
 
 use super::{Observer, RenderError, Renderer};
 use crate::image::Image;
@@ -55,7 +55,7 @@ impl Renderer {
     /// or that distribute samples over machines.
     ///
     /// # Errors
-    /// As [`Self::frame`]; if `sample` is not below the number of samples, or the picture is rendered in bands.
+    /// As [`Self::frame`]; if `sample` is not below the number of samples, that number is adaptive, or the picture is rendered in bands.
     pub fn sample(&mut self, sample: u32, observer: &mut dyn Observer) -> Result<Image, RenderError> {
         self.settle(observer)?;
         let samples = self.samples();

@@ -37,7 +37,7 @@ pub(super) struct Shares {
 struct Share {
     least: [f32; 4],
     largest: [f32; 4],
-    /// Sums over the samples.
+    /// Sums of output and colour over the first samples.
     output: [f32; 4],
     color: [f32; 4],
 }
@@ -61,13 +61,13 @@ impl Share {
         }
     }
 
-    /// Whether the samples have shares that differ by at most `tolerance`; true for dark channels that stay dark.
+    /// Whether the samples have shares that differ by at most `tolerance`; true for channels whose colour and output are dark.
     fn is_narrow(&self, tolerance: f32) -> bool {
         (0..4).all(|channel| self.largest[channel] - self.least[channel] <= tolerance)
     }
 
-    /// Whether the gap between the shares of two pixels is at most `tolerance`. Where shares change evenly from pixel to pixel, the gap is a
-    /// third of the range of each.
+    /// Whether the gap between the ranges of two pixels' shares is at most `tolerance`, or one of the pixels is dark, in each channel. Where
+    /// shares change evenly from pixel to pixel, the gap is a third of the range of each.
     fn is_near(&self, other: &Self, tolerance: f32) -> bool {
         (0..4).all(|channel| {
             let is_dark = |share: &Self| share.least[channel] > share.largest[channel];
@@ -76,7 +76,8 @@ impl Share {
         })
     }
 
-    /// The output for another sample's colour, by the mean share. Dark channels have the mean share of the others, and 1 if all are dark.
+    /// The output for another sample's colour, by the mean share. Dark colours have the mean share of the other colours, and 1 if all are
+    /// dark. A dark alpha has the share 1.
     fn output(&self, color: [f32; 4]) -> [f32; 4] {
         let shares: [Option<f32>; 4] = std::array::from_fn(|channel| {
             (self.color[channel] > PixelSamples::FIRST as f32 * DARK)
@@ -246,7 +247,7 @@ mod tests {
         assert_eq!(shares.unsettled(), 0.0);
         assert_eq!(shares.pixels[1].output([0.2, 0.4, 0.0, 1.0]), [0.1, 0.2, 0.0, 1.0]);
         assert_eq!(shares.pixels[0].output(gray(0.3)), gray(0.3));
-        // Light that a pass adds to black is no share of it.
+        // Light that a pass adds to a black colour has no share, so the pixel is not settled.
         assert_eq!(of(&[[(gray(0.2), gray(0.0)); 4]]).unsettled(), 1.0);
     }
 }

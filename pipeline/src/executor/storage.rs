@@ -46,7 +46,7 @@ impl Renderer {
         if bytes.is_empty() { vec![[0.0; 4]] } else { bytes }
     }
 
-    /// Fills the buffer of [`CameraStart::linear`](crate::project::CameraStart::linear) with a picture of the pass's target.
+    /// Fills the buffer of [`CameraStart::linear`](crate::project::CameraStart::linear) with a picture of the pass's target, bottom row first.
     pub(super) fn fill_linear(&mut self, buffer: usize, width: u32, pixels: &[[f32; 4]]) {
         let rows = pixels.chunks_exact(width.max(1) as usize).rev().flatten();
         self.targets[buffer].color.iter_mut().zip(rows).for_each(|(held, pixel)| *held = *pixel);

@@ -44,7 +44,7 @@ fn image_of<'a>(images: &'a [(PathBuf, Texture)], path: &Path) -> Option<&'a Tex
     images.iter().find(|(file, _)| file == path).map(|(_, image)| image)
 }
 
-/// The textures that a scene set's passes map, and to which materials.
+/// The textures that a scene set's passes map to materials, each with the pattern of the materials' names.
 pub(super) fn mapped_textures(plan: &Plan, set: usize) -> impl Iterator<Item = (&MaterialPattern, TextureSource)> {
     let of_set = move |planned: &&PlannedPass| match planned.work {
         Work::Raster { scene_set, .. } | Work::Rays { scene_set, .. } | Work::Effect { scene_set, .. } => {

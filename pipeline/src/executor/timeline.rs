@@ -21,13 +21,13 @@ pub enum StepKind {
     Maps,
     /// Computing the pixels of a raster effect.
     Effect,
-    /// Copying attachments into host memory.
+    /// Copying attachments or pictures into host memory.
     ReadBack,
     /// Copying attachments to the device that traces rays.
     Join,
     /// Tracing rays.
     Rays,
-    /// Filling a rectangle.
+    /// Filling a rectangle, or running a compute shader.
     Quad,
     /// Writing files.
     Write,
@@ -70,12 +70,12 @@ pub struct Row {
     pub host_ms: Vec<f64>,
     /// Device time of each run, in milliseconds; empty if the device has no clock of its own.
     pub device_ms: Vec<f64>,
-    /// Rays of one run.
+    /// Rays of the last run; if a frame runs the step several times, the sum of its runs.
     pub rays: Option<RayCounts>,
-    /// What answered the glass pixels of one run; only of effects that march rays through screen space.
+    /// What answered the glass pixels of the last run; only of effects that march rays through screen space.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
-    /// What adaptive sampling of stochastic glass spent in one run; only of ray passes with `error`.
+    /// What adaptive sampling of stochastic glass spent, for the same runs as [`Self::rays`]; only of ray passes with `error`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<PathsSpent>,
     /// Share of the pixels that took all samples in the last frame; only of ray passes, with an
@@ -135,7 +135,7 @@ pub struct Timeline {
     /// When the first step began.
     #[serde(skip)]
     began: Option<Instant>,
-    /// By row: number of host and device samples when the current frame began, if the frame runs steps several times.
+    /// By row: number of host times and of device times when the current frame began, if the frame runs steps several times.
     #[serde(skip)]
     before: Vec<[usize; 2]>,
 }
@@ -177,12 +177,12 @@ impl Timeline {
         row
     }
 
-    /// Begins a frame that is rendered in parts, or with several samples a pixel.
+    /// Begins a frame that is rendered in parts or with several samples a pixel, or an accumulation.
     pub(super) fn begin_parts(&mut self) {
         self.before = self.rows.iter().map(|row| [row.host_ms.len(), row.device_ms.len()]).collect();
     }
 
-    /// Ends that frame: the times of each step are summed over its parts and samples.
+    /// Ends the frame of [`Self::begin_parts`]: the times of each step are summed over its parts, samples and batches.
     pub(super) fn end_parts(&mut self) {
         let before = std::mem::take(&mut self.before);
         for (index, row) in self.rows.iter_mut().enumerate().filter(|(_, row)| row.kind.per_frame()) {

@@ -62,7 +62,7 @@ impl Seek for Replacement {
 /// Writes a file whole or not at all; see [`Replacement`].
 ///
 /// # Errors
-/// Whatever the file system reports; nothing is left behind.
+/// As [`Replacement::begin`] and [`Replacement::commit`]; no temporary file is left behind.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = Replacement::begin(path)?;
     file.write_all(bytes)?;

@@ -20,7 +20,7 @@ pub struct Resumable {
 }
 
 impl Resumable {
-    /// Finds the three places. No file is opened or made.
+    /// Finds the paths of the file, of `.part` and of the journal. No file is opened or made.
     ///
     /// # Errors
     /// If the folder is missing; if one of the three is a folder, a pipe or a device, or lies outside the folder of
@@ -68,7 +68,7 @@ impl Resumable {
     pub fn commit(self, part: Growing) -> io::Result<()> {
         let Growing { file, path, mut faults } = part;
         self.target.replace_with(file, &mut faults, |file| file, |_, target| std::fs::rename(path, target))?;
-        // A journal that remains is ignored without its file.
+        // A journal that remains is ignored if there is no `.part` file.
         let _ = std::fs::remove_file(self.journal);
         Ok(())
     }

@@ -109,7 +109,7 @@ impl Target {
         temporary::sync_folder(&self.folder)
     }
 
-    /// Fails if the file cannot be replaced or made. Tries without changing anything.
+    /// Fails if the file cannot be replaced or made. The test makes a temporary file in its folder and removes it.
     fn try_out(&self) -> io::Result<()> {
         if self.permissions.is_some() {
             // A read-only file is not replaced, although the permissions of its folder would allow it.

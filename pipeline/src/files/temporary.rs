@@ -23,7 +23,7 @@ const MOST_ENTRIES: usize = 100_000;
 /// Attempts to make a temporary file: another program may take a new file for a leftover and remove it before it is locked.
 const TRIES: usize = 100;
 
-/// The temporaries that exist now, and the folders that were searched for leftovers of killed programs.
+/// This process's temporary files and folders that exist now, and the folders that were searched for leftovers of killed programs.
 #[derive(Debug, Default)]
 struct Known {
     temporaries: BTreeSet<PathBuf>,
@@ -157,7 +157,7 @@ impl TemporaryFolder {
     /// the two exists at `to` at every moment. Elsewhere the old folder is renamed first, and put back if the second step fails.
     ///
     /// # Errors
-    /// Whatever the file system reports; then the old folder is still there.
+    /// Whatever the file system reports. The old folder is then still there, unless the new one is in its place and a later step failed.
     pub fn rename(mut self, to: &Path) -> io::Result<()> {
         let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let to = match to.file_name() {

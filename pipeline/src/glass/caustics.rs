@@ -15,7 +15,7 @@ pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], pho
     decisions
 }
 
-/// The first material whose glass meshes photons are shot at: bodies of triangles whose index is above 1.
+/// Name of the first material whose meshes photons are shot at: solid glass with an index of refraction above 1. `None` if there is none.
 #[must_use]
 pub fn first_target<'s>(scene: &'s RenderScene, dielectrics: &[Dielectric]) -> Option<&'s str> {
     let bends = |material: usize| {

@@ -4,7 +4,7 @@ use crate::scene::Geometry;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
-/// An edge between two welded positions, the lower one first.
+/// An edge: the indices of two welded positions, the lower index first.
 type Edge = [u32; 2];
 
 /// Whether the surface of a material is closed.
@@ -12,15 +12,15 @@ type Edge = [u32; 2];
 pub enum Closedness {
     /// Each edge is used equally often in both directions, so inside and outside are defined everywhere.
     Closed {
-        /// Ids of the triangles that must be flipped: they belong to bodies that face inwards (negative volume) and lie inside no
-        /// other body.
+        /// Ids of the triangles that must be flipped: those of bodies that face inwards (negative volume) and lie inside no other
+        /// body, and those of all bodies inside them.
         inside_out: Vec<u32>,
     },
     /// Some edges are not used equally often in both directions.
     Open {
         /// Number of such edges.
         edges: usize,
-        /// Midpoint of the first, in the order of triangles.
+        /// Midpoint of the first such edge, in the order of triangles.
         first: Vec3,
     },
 }
@@ -113,9 +113,9 @@ impl Part {
     }
 }
 
-/// The triangles to flip: those of parts that face inwards and lie inside no part that faces outwards, and of the parts within
-/// them. So a mirrored copy of a body with cavities is flipped as a whole, and the cavity of a body that faces outwards stays as it
-/// is.
+/// The triangles to flip: those of parts that face inwards and lie inside no other part, and of the parts within them. A part lies
+/// inside another if its bounding box does. So a mirrored copy of a body with cavities is flipped as a whole, and the cavity of a
+/// body that faces outwards stays as it is.
 fn inside_out(triangles: &[u32], corners: &[[u32; 3]], points: &[Vec3], of: &[u32]) -> Vec<u32> {
     let mut found: HashMap<u32, Part> = HashMap::new();
     let center = points.first().map_or(DVec3::ZERO, |point| point.as_dvec3());

@@ -27,7 +27,7 @@ pub struct Decided {
 ///
 /// | material | is |
 /// |---|---|
-/// | lets less than [`TRANSPARENT`] of the light through, or has no triangle | opaque |
+/// | lets less than [`TRANSPARENT`] of the light through, or has neither triangles nor exact spheres | opaque |
 /// | belongs to exact spheres, and to no triangle | solid |
 /// | has a volume (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7), and its triangles are closed | solid |
 /// | has a volume, and is open | thin, with a warning |

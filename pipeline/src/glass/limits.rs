@@ -13,10 +13,10 @@ pub enum CutoffColor {
     Background,
 }
 
-/// Russian roulette for paths in glass of little weight.
+/// Whether paths of little weight in glass are ended by Russian roulette.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Roulette {
-    /// No roulette: paths whose weight is below the cut-off end.
+    /// No roulette: a path ends where its weight falls below the cut-off.
     #[default]
     Off,
     /// A path survives with a probability of its weight divided by the cut-off, and its weight is divided by that probability: the

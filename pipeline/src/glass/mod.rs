@@ -39,11 +39,11 @@ pub enum Background {
     /// The clear colour of the render target that holds the G-buffer; for rays that start at the camera, that of the pass's own
     /// target.
     Clear,
-    /// Blue, as in the tutorials of the engine's descendant.
+    /// Blue, as in the tutorials of the current descendant of the report's engine.
     Blue,
 }
 
-/// How light passes through glass to shadow rays.
+/// How light passes through glass along shadow rays, between a light source and a shaded point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum GlassShadow {
     /// Weakened by a factor of 0.9 at each glass surface, as in the report.

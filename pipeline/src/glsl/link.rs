@@ -14,7 +14,7 @@ const MAX_VARYINGS: usize = 15;
 #[derive(Debug)]
 pub(super) struct Text {
     pub source: String,
-    /// Origins of its parts. The text before the first of them has no origin.
+    /// Where the parts of `source` come from in the file. The text before the first part comes from no file.
     pub origins: Vec<Origin>,
 }
 
@@ -29,17 +29,17 @@ pub(super) struct Linked {
     pub flat: bool,
 }
 
-/// The binding of the block of uniforms that a stage declares outside blocks, where its own blocks begin at `first`.
+/// The binding of the block that gathers a stage's uniforms outside blocks. `first` is the binding of the stage's first own block.
 pub(super) fn loose_binding(stated: &Stated, first: usize) -> usize {
     first + stated.blocks.len()
 }
 
-/// The first binding of the next stage.
+/// The first binding of the stage after this one, whose own bindings begin at `first`.
 pub(super) fn next_binding(stated: &Stated, first: usize) -> usize {
     loose_binding(stated, first) + usize::from(!loose_block(stated, 0).is_empty())
 }
 
-/// Joins the stages. `depth` is the location at which the fragment shader also writes the depth of pixels.
+/// Joins the stages. `depth` is the location at which the fragment shader also writes the depth of pixels; `None` if it does not.
 pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> Result<Linked, Vec<Fault>> {
     let mut faults = Vec::new();
     let mut samplers = vertex.samplers.clone();
@@ -141,7 +141,7 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     }
     if fragment.text.contains("curitiba_dFdy") {
         for kind in ["float", "vec2", "vec3", "vec4"] {
-            // Rows count upwards for the shader.
+            // The shader counts rows upwards and the device downwards, so the derivative changes its sign.
             let _ = writeln!(head, "{kind} {OURS}dFdy({kind} p) {{ return -dFdy(p); }}");
         }
     }
@@ -150,8 +150,8 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     Ok(Linked { vertex: vertex_text, fragment: fragment_text, attributes, samplers, outputs, flat })
 }
 
-/// The text before a stage's own text: the samplers of the stage, numbered by their places in all `samplers` of the shader, its uniforms and
-/// buffers, and generated functions.
+/// The text before a stage's own text: its samplers, numbered by their places in `samplers` (those of the whole shader); the block of its uniforms
+/// outside blocks; its buffers of counters and images; and generated functions. Storage blocks are in the stage's own text.
 fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     let mut text = "#version 450\n".to_owned();
     for (index, sampler) in samplers.iter().enumerate() {
@@ -180,7 +180,7 @@ fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     text
 }
 
-/// Statements that convert the numbers in the block to Booleans.
+/// Statements that set the Boolean uniforms from the numbers that stand for them in the uniform block.
 fn truths(stated: &Stated) -> String {
     let made = |uniform: &super::rewrite::Uniform| {
         let (kind, name) = (&uniform.kind, &uniform.name);
@@ -231,8 +231,8 @@ fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
     found
 }
 
-/// The function that compares depths with those of a texture, filtered as in OpenGL: each of four texels counts as 1 if the reference is at
-/// most its depth, otherwise 0, and the four are weighted.
+/// The functions that compare a depth with those of a sampler's texture, filtered as in OpenGL: each of the four texels around the point
+/// counts as 1 if the compared depth is at most the texel's, otherwise 0, and the four are weighted bilinearly.
 fn compare(sampler: &Sampler) -> String {
     let (name, projected) = (compare_name(&sampler.name), compare_projected_name(&sampler.name));
     let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));
@@ -274,7 +274,7 @@ struct Passed<'a> {
     output: &'a Variable,
     input: &'a Variable,
     kind: String,
-    /// `[1]`, or nothing.
+    /// Index of the element or column, such as `[1]`; empty for a variable that is neither array nor matrix.
     part: String,
     flat: bool,
 }
@@ -324,7 +324,8 @@ fn declared(variable: &Variable) -> String {
     format!("{}{}", variable.kind, array.map_or(String::new(), |length| format!("[{length}]")))
 }
 
-/// Locations of the results. Results at the depth's location or beyond are dropped, as in OpenGL where a target has no such channel.
+/// The fragment shader's results with their locations. Results at the depth's location or beyond are dropped, as in OpenGL where a target
+/// has no such channel.
 fn results<'a>(fragment: &'a Stated, depth: Option<usize>, faults: &mut Vec<Fault>) -> Vec<(usize, &'a Variable)> {
     let mut found: Vec<(usize, &Variable)> = Vec::new();
     let taken: Vec<u32> = fragment.outputs.iter().filter_map(|output| output.location).collect();

@@ -43,11 +43,11 @@ pub const MAX_FILE: u64 = 1 << 20;
 /// Whether this build compiles shaders.
 pub const AVAILABLE: bool = cfg!(feature = "glsl");
 
-/// The help of a fault in a build without [`AVAILABLE`].
+/// The help text of faults in builds that compile no shaders, where [`AVAILABLE`] is `false`.
 pub const MISSING: &str =
     "it is GLSL of the project's own, which builds with the feature `glsl` draw with wgpu: cargo build --features glsl";
 
-/// Number of colour channels of a target that a shader can write, from location 0: as many as a G-buffer has.
+/// Number of colour channels (images, not components) of a target that a shader can write, from location 0: as many as a G-buffer has.
 pub const MAX_OUTPUTS: usize = 3;
 
 /// A stage.
@@ -80,7 +80,7 @@ pub struct Source<'a> {
     pub fragment: &'a str,
     /// Location at which the depth of pixels is written too: 0 at the near plane, 1 at the far plane. It follows the locations of the
     /// target's colours and is below [`MAX_OUTPUTS`]. Results at this location or beyond are dropped, as in OpenGL where a target has no such
-    /// channel.
+    /// channel. With `None` the depth is not written as a colour, and no result is dropped.
     pub depth: Option<usize>,
 }
 
@@ -124,7 +124,7 @@ fn not_compiled(stage: Stage) -> Vec<Fault> {
 pub struct Fault {
     /// Which file.
     pub stage: Stage,
-    /// First byte.
+    /// First byte of the faulty text; 0, like [`Self::end`], for faults without a place in the file.
     pub start: usize,
     /// One past the last byte.
     pub end: usize,
@@ -200,7 +200,7 @@ pub struct Member {
     pub offset: u32,
     /// Its layout; `None` for arrays and structures.
     pub shape: Option<Shape>,
-    /// Value where the project maps nothing to it, as the components of a vector.
+    /// Value where the project maps nothing to it, as the components of a vector; `None` if the shader gives no value.
     pub default: Option<[f32; 4]>,
     /// Where its declaration is in the file, bytes.
     pub at: [usize; 2],
@@ -219,8 +219,8 @@ pub struct Block {
     pub members: Vec<Member>,
 }
 
-/// The name of the uniform that places the viewport: `x` is its left column. `y` is the number of rows from its top edge to the target's
-/// bottom edge; `gl_FragCoord` counts down from it. Users cannot declare a uniform of this name.
+/// The name of the uniform that places the viewport: `x` is the viewport's left column. `y` is the number of rows from the viewport's top
+/// edge to the target's bottom edge; `gl_FragCoord.y` is `y` less the rows from the top edge. Users cannot declare a uniform of this name.
 pub const FRAME: &str = "curitiba_frame";
 
 /// What a sampler does.
@@ -228,7 +228,7 @@ pub const FRAME: &str = "curitiba_frame";
 pub enum SamplerKind {
     /// `sampler2D`.
     Color,
-    /// `sampler2DShadow`: it compares a depth with those of the texture, which is read unfiltered.
+    /// `sampler2DShadow`: it compares a depth with four texels, which are read unfiltered, and filters the four results.
     Compared,
     /// `samplerCube`: a direction is looked up in six images.
     Cube,
@@ -321,7 +321,7 @@ pub struct Program {
     pub vertex: String,
     /// WGSL; empty in a compute shader.
     pub fragment: String,
-    /// The stage of a compute shader, which has neither of the two above.
+    /// The stage of a compute shader; `None` for a shader with the two stages above.
     pub compute: Option<Compute>,
     /// Vertex attributes that it reads.
     pub attributes: Vec<Attribute>,

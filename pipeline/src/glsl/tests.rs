@@ -1,4 +1,4 @@
-//! Shaders of a few lines.
+//! Tests of the compiler on shaders of a few lines.
 
 use super::*;
 use crate::guard;
@@ -90,7 +90,7 @@ fn samplers_are_known_by_their_place_in_a_call_and_locals_may_have_their_name() 
     assert_eq!((line, column), (4, 33), "{message}");
 }
 
-/// Blocks with and without a name, one of them in each stage, and the older words.
+/// Interface blocks: with an instance name in the vertex stage, without one in the fragment stage. Then the older `attribute` and `varying`.
 #[test]
 fn what_passes_between_the_stages_is_joined_by_name() {
     let vertex = "#version 330\nin vec4 position;\nin vec3 normal;\nout Data { vec3 n; flat float f; } o;\nout vec2 unread;\n\
@@ -147,7 +147,7 @@ fn arrays_and_matrices_pass_between_the_stages_part_by_part() {
     assert!(found[0].message.contains("more than 15"), "{found:?}");
 }
 
-/// Blocks hold no Booleans but numbers, from which the file's variables are computed.
+/// Uniform blocks hold numbers instead of Booleans. The file's Boolean variables are computed from these numbers.
 #[test]
 fn truth_values_are_uniforms_by_the_names_that_the_file_gives_them() {
     let fragment = "#version 330\nuniform bool on = true;\nuniform bvec2 two;\nout vec4 color;\n\
@@ -345,7 +345,7 @@ fn images_say_their_units_and_elements_of_arrays_are_images_of_their_own() {
     let images: Vec<_> = program.images().map(|image| (&*image.name, image.point, image.read, image.written)).collect();
     assert_eq!(images, [("one", 5, true, false), ("some[2]", 0, false, true)]);
     assert_eq!(program.samplers.iter().map(|sampler| &*sampler.name).collect::<Vec<_>>(), ["tex[1]"]);
-    // The sizes of both are uniforms.
+    // The sizes of both images are uniforms.
     let members = program.blocks.iter().flat_map(|block| &block.members);
     let sizes: Vec<_> = members.filter_map(|member| is_image_size(&member.name)).collect();
     assert_eq!(sizes, [0, 1]);
@@ -371,7 +371,7 @@ fn compute_shaders_have_the_work_groups_that_they_declare() {
     assert!(faults.iter().any(|fault| text[..fault.start].matches('\n').count() == 7), "{faults:?}");
 }
 
-/// Files with which the preprocessor or the compiler would run for long, or recurse until the stack overflows.
+/// Files with which the preprocessor or the compiler would run for long or recurse until the stack overflows, and broken files.
 #[test]
 fn hostile_files_are_refused_soon() {
     let main = |inside: String| format!("#version 330\nout vec4 color;\nvoid main() {{ {inside} }}\n");

@@ -5,15 +5,15 @@ use crate::guard;
 use pp_rs::pp::Preprocessor;
 use pp_rs::token::{PreprocessorError, Punct, Token as Lexed, TokenValue};
 
-/// Most tokens of a file, after its macros.
+/// Most tokens of a file, after its macros are expanded.
 const MAX_TOKENS: usize = 100_000;
 /// Deepest nesting of brackets. It is limited because the compiler is recursive.
 const MAX_DEPTH: usize = 64;
-/// Most tokens between two semicolons or braces, for the same reason.
+/// Most tokens between two semicolons or braces. It is limited because the compiler is recursive.
 const MAX_STATEMENT: usize = 2_000;
-/// Most `else` in a file, for the same reason.
+/// Most `else` in a file. It is limited because the compiler recurses along chains of them.
 const MAX_ELSE: usize = 1_000;
-/// Longest line of a directive, bytes, for the same reason.
+/// Longest line of a directive, bytes. It is limited because the preprocessor is recursive.
 const MAX_DIRECTIVE: usize = 1_000;
 
 /// Extensions whose features are available without them.

@@ -26,7 +26,7 @@ pub enum Value {
 pub enum Matrix {
     /// View to clip.
     Projection,
-    /// Vertex positions to world. They are in world space already, except for the origin of a scene far from 0.
+    /// Vertex positions to world: a translation by the origin of a scene far from 0, to which positions are relative; otherwise the identity.
     Model,
     /// World to view.
     View,
@@ -110,19 +110,19 @@ pub enum BlendFactor {
     One,
     /// The shader's result, by channel.
     SrcColor,
-    /// 1 less that.
+    /// 1 less [`Self::SrcColor`].
     OneMinusSrcColor,
     /// The target's colour, by channel.
     DstColor,
-    /// 1 less that.
+    /// 1 less [`Self::DstColor`].
     OneMinusDstColor,
     /// The alpha of the shader's result.
     SrcAlpha,
-    /// 1 less that.
+    /// 1 less [`Self::SrcAlpha`].
     OneMinusSrcAlpha,
     /// The target's alpha.
     DstAlpha,
-    /// 1 less that.
+    /// 1 less [`Self::DstAlpha`].
     OneMinusDstAlpha,
 }
 
@@ -157,7 +157,7 @@ pub struct Blend {
     pub destination: BlendFactor,
 }
 
-/// How a shader's states say that triangles are drawn.
+/// How triangles are drawn, as the states of a shader say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Drawn {
     /// Side of triangles that is culled, if any.

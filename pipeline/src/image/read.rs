@@ -219,7 +219,7 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
     Ok(Picture { image, channels, steps: None, space, variance })
 }
 
-/// The colour space that a layer's attribute names; `None` without the attribute.
+/// The colour space that a layer's attribute names; `None` without the attribute, or if it names another one.
 fn space_of(header: &Header) -> Option<ColorSpace> {
     match header.own_attributes.other.get(&Text::from(COLOR_ATTRIBUTE)) {
         Some(AttributeValue::Text(text)) => text.to_string().parse().ok(),

@@ -62,7 +62,7 @@ const BEYOND: f32 = 0.02;
 const NEAR: f64 = 4.0;
 
 /// The box in which positions are shown, as the low and high end of each axis. It contains nearly all covered pixels that are near the
-/// middle, which is the median of each coordinate. `None` where no pixel is covered.
+/// middle, which is the median of each coordinate. `None` if no pixel is covered by a finite position.
 #[must_use]
 pub fn position_box(pixels: &[[f32; 4]]) -> Option<[[f32; 2]; 3]> {
     let step = pixels.len().div_ceil(LOOKED_AT).max(1);

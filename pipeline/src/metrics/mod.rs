@@ -167,7 +167,7 @@ pub enum MetricError {
         /// Pixels.
         pixels: usize,
     },
-    /// The mask leaves too few pixels.
+    /// The mask leaves too few pixels, or without a mask the pictures have too few.
     #[error("the mask leaves {left} of the {floor} pixels that a comparison must rest on; use a wider mask")]
     TooFew {
         /// Pixels left.

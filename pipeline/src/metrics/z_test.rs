@@ -43,7 +43,7 @@ pub enum Verdict {
     Noise,
     /// The differences are larger than the noise explains.
     Different,
-    /// Neither picture has noise and both are equal: there is nothing to test.
+    /// Neither picture has noise, and the sums of all tiles are equal: there is nothing to test.
     Equal,
 }
 
@@ -62,7 +62,7 @@ pub struct ZTest {
     pub beyond_3: f64,
     /// Tiles of 8 x 8 pixels with noise.
     pub tiles: u64,
-    /// Tiles without noise in both pictures whose sums differ: one is enough for [`Verdict::Different`].
+    /// Sums of one colour over a tile, without noise in both pictures, that differ: one is enough for [`Verdict::Different`].
     pub tiles_different_without_noise: u64,
     /// Mean of the tiles' squared z values, averaged over colours: chi-square divided by its degrees of freedom, 1 under
     /// the null hypothesis.
@@ -70,14 +70,14 @@ pub struct ZTest {
     /// `(chi_square - 1) sqrt(tiles / 2)`: standard deviations above the expectation for noise. The colours of a pixel are counted as
     /// one, since their noise is often the same, so this errs on the side of noise.
     pub sigma: f64,
-    /// [`Verdict::Different`] above 4 [`Self::sigma`].
+    /// [`Verdict::Different`] if [`Self::sigma`] is above 4, or [`Self::tiles_different_without_noise`] above 0.
     pub verdict: Verdict,
 }
 
 /// Tests whether two noisy pictures have the same expectation.
 ///
 /// # Errors
-/// If sizes differ, a value is not finite, or a variance is negative.
+/// If sizes differ, the pictures are empty, a value is not finite, a variance is negative, or a number of samples is below 2.
 pub fn z_test(test: Estimate<'_>, reference: Estimate<'_>) -> Result<ZTest, MetricError> {
     check_pair(test.mean, reference.mean)?;
     check_pair(test.variance_of_mean, reference.variance_of_mean)?;

@@ -11,7 +11,7 @@ pub type Slot = (Option<usize>, usize);
 /// Channel number of the triangle ids in a [`Slot`].
 pub const TRIANGLES: usize = 3;
 
-/// Channel number, in a [`Slot`], of the depth that a later pass starts from.
+/// Channel number, in a [`Slot`], of the depth that a later pass loads instead of clearing it.
 pub const DEPTH: usize = 4;
 
 /// The slots that a planned pass reads and writes.
@@ -29,7 +29,7 @@ impl Plan {
         for planned in &mut self.passes {
             match &mut planned.work {
                 Work::Raster { attachments, host, .. } => *host = *attachments,
-                // Observers also see what ray passes read.
+                // Observers also see the inputs of ray passes, so these passes do not read them in place.
                 Work::Rays { resident, .. } => *resident = None,
                 Work::Effect { .. }
                 | Work::Off { .. }

@@ -16,8 +16,8 @@ impl Plan {
         }
     }
 
-    /// The first ray pass that asks for adaptive sampling of glass which its ray backend does not support, and the error with a
-    /// remedy. `rays_of` gives the backend of a pass by name.
+    /// The name of the first ray pass that asks for adaptive sampling of glass which its ray backend does not support, and the error
+    /// with a remedy. `rays_of` returns the ray backend for the name of a pass.
     #[must_use]
     pub fn unsampled<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "it gives every pixel the same number of paths; use --backend cpu, or allow it with --fallback cpu, or set error=0 \
@@ -30,7 +30,8 @@ impl Plan {
         )
     }
 
-    /// Most bytes that adaptive sampling takes on the processor: those of the largest target, since passes run one after another.
+    /// Most bytes that adaptive sampling takes on the processor: those for the largest target of a pass that asks for it, since
+    /// passes run one after another.
     pub(super) fn adaptive_bytes(&self) -> u64 {
         let sampled = self.passes.iter().filter(|planned| self.sampled_to(planned).is_some());
         let pixels = sampled.map(|planned| self.held_pixels(self.target_size(self.pass(planned).target)));

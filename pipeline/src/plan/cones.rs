@@ -11,8 +11,8 @@ impl Plan {
         program.asks_of_cones(&params)
     }
 
-    /// The first pass that asks for ray cones which its ray backend does not support, and the error with a remedy. `rays_of`
-    /// gives the backend of a pass by name.
+    /// The name of the first pass that asks for ray cones which its ray backend does not support, and the error with a remedy.
+    /// `rays_of` returns the ray backend for the name of a pass.
     #[must_use]
     pub fn without_cones<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "at hits it reads textures at level 0; use --backend cpu, or allow it with --fallback cpu, or set texturelod=zero on \
@@ -20,7 +20,7 @@ impl Plan {
         self.first_lacking(rays_of, |planned| self.asks_of_cones(planned), |rays| rays.traces_cones(), why)
     }
 
-    /// Says which passes filter texture lookups by ray cones.
+    /// Adds the decisions which passes filter texture lookups by ray cones.
     pub(super) fn explain_cones(&mut self) {
         let asks = |planned: &&PlannedPass| self.asks_of_cones(planned).is_some();
         let names: Vec<String> =

@@ -6,7 +6,7 @@ use crate::device_quad::QuadPlace;
 use crate::diagnostic::Decision;
 use crate::project::{ChannelRef, PassKind, QuadSource};
 
-/// Where the pictures of ray passes can lie.
+/// The memory in which the pictures of ray passes can lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RayPictures {
     /// On the rasteriser's device, if the ray backend reads what the rasteriser lends.
@@ -29,27 +29,27 @@ pub struct QuadInput {
 /// The quad pass that shows the picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ShowingQuad {
-    /// Index into [`Plan::passes`].
+    /// Index of the quad pass, into [`Plan::passes`].
     pub index: usize,
-    /// The channel that it shows.
+    /// The channel that the quad shows.
     pub color: QuadInput,
-    /// The channel that multiplies the colour.
+    /// The channel whose red component multiplies the colour; `None` to show the colour as it is.
     pub factor: Option<QuadInput>,
 }
 
 impl ShowingQuad {
-    /// The channels that it reads.
+    /// The channels that the quad reads.
     pub fn inputs(&self) -> impl Iterator<Item = QuadInput> {
         [Some(self.color), self.factor].into_iter().flatten()
     }
 
-    /// Whether it reads a channel that the pass at index `writer` of [`Plan::passes`] writes.
+    /// Whether the quad reads a channel that the pass at index `writer` of [`Plan::passes`] writes.
     #[must_use]
     pub fn reads(&self, writer: usize) -> bool {
         self.inputs().any(|input| input.writer == writer)
     }
 
-    /// The attachments of a target that it reads.
+    /// The attachments of a target that the quad reads.
     #[must_use]
     pub fn attachments(&self, target: Option<usize>) -> Attachments {
         let reads = |channel| self.inputs().any(|i| Some(i.channel.target) == target && i.channel.channel == channel);
@@ -58,8 +58,8 @@ impl ShowingQuad {
 }
 
 impl Plan {
-    /// The quad pass that writes the window last, by its index, and whether it may run on a device: no other pass may read its
-    /// inputs in host memory. The error says why it may not. `None` if the pass that writes the window last is not a quad pass.
+    /// The index of the last pass that writes the window, and the quad if a device may run it. The error says why it may not, for
+    /// example because another pass reads an input in host memory. `None` if that pass is not a quad pass.
     #[must_use]
     pub fn showing_quad(&self) -> Option<(usize, Result<ShowingQuad, String>)> {
         let window = |planned: &PlannedPass| self.pass(planned).target.is_none();
@@ -88,8 +88,8 @@ impl Plan {
         self.showing_quad().and_then(|(_, quad)| quad.ok()).is_some_and(|quad| self.reads_one_picture(&quad))
     }
 
-    /// Whether a quad reads exactly one ray pass's picture, and no other inputs but drawn ones. That ray pass must read the
-    /// shared G-buffer. The G-buffer must be drawn once in a frame, so that the quad waits for a single picture.
+    /// Whether a quad's inputs are the picture of exactly one ray pass and otherwise only what raster passes drew. That ray pass must
+    /// read the shared G-buffer. The G-buffer must be drawn once in a frame, so that the quad waits for a single picture.
     fn reads_one_picture(&self, quad: &ShowingQuad) -> bool {
         let shared = self.target_to_share();
         let draws =
@@ -109,8 +109,8 @@ impl Plan {
         pictures == 1 && !others
     }
 
-    /// Decides whether the rasteriser's device fills the window's quad, adds the decision, and returns the quad or the reason why
-    /// not.
+    /// Decides whether the rasteriser's device fills the quad of [`Self::showing_quad`], and adds the decision. Returns the quad or
+    /// the reason why not; `None` without a quad, or if the rasteriser never fills quads on a device.
     pub fn decide_showing_quad(
         &mut self,
         raster: &mut dyn Rasteriser,

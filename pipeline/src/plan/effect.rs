@@ -106,7 +106,8 @@ impl Plan {
         })
     }
 
-    /// The last raster pass that wrote the positions that an effect reads.
+    /// The last earlier pass that wrote the target of an effect's positions. Fails if that is not a raster pass, or if the positions
+    /// are not the target's second channel.
     fn source<'a>(&self, earlier: &'a [Pass], pass: &Pass, effect: &EffectPass) -> Result<Source<'a>, PlanError> {
         let target = effect.position.map(|position| position.target);
         let mut writers = earlier.iter().enumerate().rev().filter(|(_, earlier)| !self.is_off(earlier));
@@ -173,9 +174,9 @@ impl Plan {
 /// What the ray backend traces for a pass.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced<'a> {
-    /// The program and its constants; `None` for the rays of a buffer.
+    /// The program and its constants; `None` for an intersection pass, whose rays are in a buffer.
     pub program: Option<(RayProgram, RayParams)>,
-    /// Index into [`Plan::scene_sets`].
+    /// Index of the traced scenes, into [`Plan::scene_sets`].
     pub scene_set: usize,
     /// The materials that are glass, as name patterns.
     pub glass: &'a [MaterialPattern],
@@ -183,7 +184,7 @@ pub struct Traced<'a> {
 
 impl Plan {
     /// What the ray backend traces for a pass: the program of a ray pass, the counterpart of an effect that leaves pixels to rays, or
-    /// the rays of a buffer.
+    /// the rays in the buffer of an intersection pass. `None` if the pass traces no rays.
     #[must_use]
     pub fn traced(&self, planned: &PlannedPass) -> Option<Traced<'_>> {
         match (&planned.work, &self.pass(planned).kind) {

@@ -6,12 +6,12 @@ use crate::memory::mebibytes;
 use crate::programs::FILTER_BYTES;
 use crate::project::PassKind;
 
-/// Most samples with which a filter can pay off at any radius, as measured. With more samples the remaining noise is less than
-/// the blur of the filter, except at long radii.
+/// Up to this number of samples a filter can pay off at any occlusion radius, as measured. With more samples the remaining noise is
+/// less than the blur of the filter, except at long radii.
 const FEW: u32 = 16;
 
 impl Plan {
-    /// Levels of the filter over what a pass writes; 0 where it has none.
+    /// Number of levels of the filter over a pass's output; 0 without a filter.
     #[must_use]
     pub fn filter_levels(&self, planned: &PlannedPass) -> u32 {
         match (&planned.work, &self.pass(planned).kind) {
@@ -34,8 +34,8 @@ impl Plan {
         }
     }
 
-    /// The first ray pass that asks for a filter which its ray backend does not have, and the error with a remedy. `rays_of`
-    /// gives the backend of a pass by name.
+    /// The name of the first ray pass that asks for a filter which its ray backend does not have, and the error with a remedy.
+    /// `rays_of` returns the ray backend for the name of a pass.
     #[must_use]
     pub fn unfiltered<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "it has no filter; use --backend cpu, or allow it with --fallback cpu, or set filter=0 on the pass";
@@ -87,7 +87,7 @@ impl Plan {
         }
     }
 
-    /// Number of samples of a ray pass, or of its samples over the light's disc if these are more.
+    /// The number of samples of a ray pass's program, or over the light's disc if that is larger; `None` for other passes.
     fn samples_of(&self, planned: &PlannedPass) -> Option<u32> {
         let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
             return None;

@@ -5,13 +5,13 @@ use super::{Plan, PlanError, PlannedPass, Work};
 use crate::backend::{Attachments, LoadStore, Rect};
 use crate::project::{ChannelRef, Pass, PassKind};
 
-/// What an earlier pass left where a later one draws.
+/// The contents that earlier passes left in the rectangle that a later pass draws.
 enum Left {
-    /// No earlier pass of the frame wrote there.
+    /// No earlier pass of the frame wrote into the rectangle.
     Nothing,
-    /// The pass at this index of the plan wrote all of it.
+    /// The pass at this index of the plan wrote all of the rectangle.
     By(usize),
-    /// The pass at this index of the plan wrote a part of it.
+    /// The pass at this index of the plan wrote a part of the rectangle.
     PartBy(usize),
 }
 
@@ -44,7 +44,7 @@ impl Plan {
                 };
                 let left = self.left_before(index, clears);
                 let from = self.whole(pass, "DEPTH_CLEAR", &left)?;
-                // A quad that clears the depth leaves the far plane, as does clearing in this pass.
+                // A quad that clears the depth leaves the far plane, as does clearing in this pass, so nothing need be loaded.
                 let from = from.filter(|from| matches!(self.passes[*from].work, Work::Raster { .. }));
                 kept.load_depth = from.is_some();
                 decisions.push((format!("depth before pass `{}`", pass.name), "DEPTH_CLEAR", from));
@@ -170,7 +170,7 @@ impl Wanted {
         }
     }
 
-    /// Updates the targets whose depth earlier passes must leave. `fills` tells whether `pass` fills its target.
+    /// Updates the targets whose depth earlier passes must store. `fills` tells whether `pass` fills its target.
     pub(super) fn depth_before(&mut self, pass: &Pass, fills: bool) {
         if !matches!(pass.kind, PassKind::Raster(_) | PassKind::Quad(_)) {
             return;

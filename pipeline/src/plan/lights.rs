@@ -15,9 +15,9 @@ const NAMED: usize = 4;
 /// The lights that shine in a pass.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Shining {
-    /// The only light, a directional one.
+    /// The light, if it is the only one that shines and is directional; otherwise `None`.
     pub sun: Option<Sun>,
-    /// Several lights, or one positional light; `sun` is then `None`.
+    /// The lights, if they are several or one positional light; otherwise empty.
     pub lights: Vec<Light>,
 }
 
@@ -112,8 +112,8 @@ impl Plan {
         known.then(|| self.in_words(self.pass(planned).kind.lights()))
     }
 
-    /// The first pass with lights that its ray backend does not know, and the error with a remedy. `rays_of` gives the backend of a
-    /// pass by name.
+    /// The name of the first pass with lights that its ray backend does not know, and the error with a remedy. `rays_of` returns the
+    /// ray backend for the name of a pass.
     #[must_use]
     pub fn unlit<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "its programs know one directional light; use --backend cpu, or allow it with --fallback cpu, or leave one light \
@@ -198,7 +198,7 @@ impl Plan {
                         remedy,
                     ))
                 };
-                // The filter works on one share for all colours.
+                // The filter works on one share for all colours; several lights give a share for each colour.
                 if let Some(asked) = program.asks_of_filter(params) {
                     return refused(asked, "set filter=0 on the pass, or leave one light with a direction in it");
                 }

@@ -60,7 +60,7 @@ fn aspect(rect: Rect) -> f64 {
     f64::from(rect.width.max(1)) / f64::from(rect.height.max(1))
 }
 
-/// The axes of a scene's `AXIS` primitives, from -1 to 1 where they are placed.
+/// The axes of a scene's `AXIS` primitives in the world: each from -1 to 1 in the primitive's own coordinates.
 fn axes(declared: &SceneDecl) -> impl Iterator<Item = Line> {
     let shapes = declared.shapes.iter().filter(|shape| shape.kind == ShapeKind::Axis);
     shapes.flat_map(|shape| {
@@ -77,7 +77,7 @@ fn axes(declared: &SceneDecl) -> impl Iterator<Item = Line> {
     })
 }
 
-/// A camera that draws into a rectangle.
+/// The viewer, for ribbons of lines, of a camera that draws into a rectangle.
 fn viewer(camera: &Camera, rect: Rect) -> LineViewer {
     let forward = camera.direction.as_dvec3().normalize();
     let right = forward.cross(camera.up.as_dvec3()).normalize();

@@ -19,24 +19,24 @@ use std::collections::BTreeSet;
 pub(super) struct Wanted {
     /// Channels that are read by later passes or shown.
     pub channels: BTreeSet<ChannelRef>,
-    /// The subset that is read in host memory.
+    /// Those of [`Self::channels`] that are read in host memory.
     pub host: BTreeSet<ChannelRef>,
     /// Targets whose triangle ids are read.
     pub triangles: BTreeSet<usize>,
-    /// The subset whose ids are read in host memory.
+    /// Those of [`Self::triangles`] whose ids are read in host memory.
     pub host_triangles: BTreeSet<usize>,
     /// Channels that ray passes may read in place.
     pub traced: BTreeSet<ChannelRef>,
     /// Targets whose triangle ids ray passes may read in place.
     pub traced_triangles: BTreeSet<usize>,
-    /// Targets (`None` for the window) whose depth a later pass starts from.
+    /// Targets (`None` for the window) whose depth a later pass loads instead of clearing it.
     pub depth: BTreeSet<Option<usize>>,
     /// Whether a later pass fills the whole window.
     window_filled: bool,
 }
 
 impl Plan {
-    /// Chooses the passes that run.
+    /// Chooses the passes that run, and the work of each.
     pub(super) fn choose_passes(
         &mut self,
         camera: Option<usize>,
@@ -222,7 +222,8 @@ impl Plan {
         RayParams { glass, background, shadow, error: 0.0, photons: 0, sun: 0.0, filter: 0, texture_lod, ..params }
     }
 
-    /// Adds the decision which program runs for a pass whose rays start at the camera; fails for a camera that no program supports.
+    /// Adds the decision which program runs for a pass whose rays start at the camera. Fails for an orthographic camera, which no
+    /// such program supports.
     fn explain_camera_start(&mut self, pass: &Pass, ray: &RayPass, camera: Option<usize>) -> Result<(), PlanError> {
         let Some(start) = &ray.from_camera else { return Ok(()) };
         let camera = &self.project.cameras[camera.unwrap_or(ray.camera)];
@@ -294,7 +295,7 @@ impl Plan {
         }
     }
 
-    /// Fails if a pass reads triangle ids of another scene set than the one that was drawn.
+    /// Fails if a ray pass reads triangle ids but traces other scenes than those drawn by the raster pass that wrote the ids.
     fn check_same_scenes(&self, earlier: &[Pass], pass: &Pass, ray: &RayPass, work: &Work) -> Result<(), PlanError> {
         let (Work::Rays { reads_triangle: true, .. }, Some(position)) = (work, ray.position) else { return Ok(()) };
         let mut drawing = earlier.iter().rev().filter(|earlier| !self.is_off(earlier));
@@ -346,8 +347,8 @@ impl Plan {
         })
     }
 
-    /// The viewport into which a pass draws. A pass with a render target fills the target, whatever viewport its camera has, unless
-    /// the pass itself has a viewport: this is the rule of the report's engine.
+    /// The viewport into which a pass draws; `None` for all of its target. A pass with a render target fills the target, whatever
+    /// viewport its camera has, unless the pass itself has a viewport: this is the rule of the report's engine.
     pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
         let camera = match (&pass.kind, pass.target) {
             (_, Some(_)) | (PassKind::Quad(_) | PassKind::Intersection(_) | PassKind::Compute(_), None) => None,
@@ -431,7 +432,7 @@ fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str>
 
 /// The channels that a ray pass reads.
 pub(super) fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
-    // With nothing to trace, such a program writes a constant or the colour that it read.
+    // With nothing to trace, a program of `Traces::Samples` writes a constant or the colour that it read.
     let idle = ray.program.info().traces == Traces::Samples && !ray.program.can_trace(params);
     let buffers = [("pos_buffer", ray.position), ("norm_buffer", ray.normal), ("color_buffer", ray.color)];
     let read = buffers.into_iter().filter(|(name, _)| ray.program.info().buffers.contains(name));

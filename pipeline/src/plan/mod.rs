@@ -51,7 +51,7 @@ use settings::{check_preview, check_size, constants, display, set_formats, shown
 pub struct Plan {
     /// The project.
     pub project: Project,
-    /// Index of its pipeline.
+    /// Index of the pipeline that runs, in [`Project::pipelines`].
     pub pipeline: usize,
     /// Window size.
     pub window: [u32; 2],
@@ -72,8 +72,8 @@ pub struct Plan {
     pub scene_sets: Vec<Vec<usize>>,
     /// The contents of scene files that are read.
     pub needs: Needs,
-    /// World position of the origin of scenes and cameras. 0 until the scenes are loaded, and for scenes near 0. Set by
-    /// [`Self::move_origin`].
+    /// World position that the positions of scenes and cameras are relative to, set by [`Self::move_origin`]. 0 until the scenes are
+    /// loaded, and for scenes near the world's origin.
     pub origin: DVec3,
     /// Channels kept for inspection, in addition to the window.
     pub shown: Vec<ChannelRef>,
@@ -81,7 +81,8 @@ pub struct Plan {
     pub decisions: Vec<Decision>,
     /// Warnings about settings that are carried out but may be mistakes.
     pub warnings: Warnings,
-    /// The project before settings changed its formats; further plans are made from it.
+    /// The project as given to [`Self::new`], without the changes that this plan makes to its copy, such as formats. Further plans
+    /// are made from it.
     pub declared: Project,
 }
 
@@ -99,9 +100,9 @@ pub struct PlannedTarget {
 /// A pass that runs.
 #[derive(Debug, Clone)]
 pub struct PlannedPass {
-    /// Index in the pipeline.
+    /// Index of the pass in the pipeline.
     pub pass: usize,
-    /// What it does.
+    /// The work of the pass in a frame.
     pub work: Work,
 }
 
@@ -114,7 +115,7 @@ pub enum Work {
         scene_set: usize,
         /// The camera.
         view: View,
-        /// Rectangle of the target.
+        /// Rectangle of the target into which the pass draws.
         viewport: Rect,
         /// Clear value of the colour.
         clear_color: Vec4,
@@ -166,7 +167,7 @@ pub enum Work {
     },
     /// Fills a rectangle.
     Quad {
-        /// Rectangle of the target.
+        /// Rectangle of the target that the quad fills.
         viewport: Rect,
     },
     /// Traces the rays of a storage buffer.
@@ -182,7 +183,7 @@ impl Plan {
     /// Makes a plan.
     ///
     /// # Errors
-    /// If the settings name something that the project lacks, or ask for a picture that is too large.
+    /// If the settings name something that the project lacks, combine what no engine supports, or ask for a picture that is too large.
     pub fn new(mut project: Project, settings: Settings) -> Result<Self, PlanError> {
         let name_error = |message: String| PlanError { message, help: None };
         let declared = project.clone();
@@ -280,13 +281,13 @@ impl Plan {
         }
     }
 
-    /// Size of a pass's target.
+    /// Size of the target with this index; `None` is the window.
     #[must_use]
     pub fn target_size(&self, target: Option<usize>) -> [u32; 2] {
         target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
     }
 
-    /// Size that a pass's target has without a [`Preview`].
+    /// Size that the target with this index (`None`: the window) has without a [`Preview`].
     #[must_use]
     pub fn whole_size(&self, target: Option<usize>) -> [u32; 2] {
         let window = self.settings.size.unwrap_or(self.project.window);
@@ -421,7 +422,7 @@ impl Plan {
         }
     }
 
-    /// Whether the materials decide what is glass in a pass.
+    /// Whether a pass takes as glass what the materials themselves declare as glass (`glass=auto`).
     #[must_use]
     pub fn asks_materials(&self, planned: &PlannedPass) -> bool {
         let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
@@ -455,7 +456,7 @@ impl Plan {
         program.info().needs_structure(&params, finds_glass || self.settings.fidelity == Fidelity::Thesis)
     }
 
-    /// The data that the memory check counts with the render targets, in words: such as `, filters and photons`.
+    /// The kinds of data that the memory check counts besides render targets, as the end of a sentence, such as `, filters and photons`.
     fn beside_targets(&self) -> String {
         let kinds = [
             (self.filter_bytes(), "filters"),
@@ -510,8 +511,8 @@ fn target_size(project: &Project, pipeline: usize, target: usize, window: [u32; 
     })
 }
 
-/// Sets a project's window size, and scales its targets as for that window. The project as declared then gives the picture that
-/// it gave with this [`Settings::size`].
+/// Sets a project's window size, and scales its targets as for that window. The project then gives, without [`Settings::size`], the
+/// picture that it gave before with this size.
 pub fn resize(project: &mut Project, pipeline: usize, window: [u32; 2]) {
     let sizes: Vec<_> =
         (0..project.targets.len()).map(|target| target_size(project, pipeline, target, window)).collect();
@@ -533,8 +534,8 @@ fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     Rect { x: left, y: size[1] - top, width: right - left, height: top - bottom }
 }
 
-/// A camera is far from the origin if its distance exceeds this many times its near plane distance. Beyond it, products with a
-/// matrix that translates by the position are off by up to 0.002 pixels at the near plane.
+/// A camera is far from the origin if its distance exceeds this many times its near plane distance. At this distance, products with a
+/// matrix that translates by the position are off by up to two pixels in a picture of a thousand, for points at the near plane.
 const FAR_EYE: f32 = 16_384.0;
 
 /// The view of a camera, relative to `origin`.
@@ -544,7 +545,7 @@ fn view(camera: &Camera, viewport: Rect, origin: DVec3) -> View {
     const FAR_AWAY: f32 = 65_536.0;
     let position = (camera.position - origin).as_vec3();
     let to_view: Mat4 = rh::view::look_to_mat4(position, camera.direction, camera.up);
-    // Near and far are exchanged: 1 at the near plane and 0 at the far plane, where floats are densest.
+    // Near and far are exchanged: the depth is 1 at the near plane and 0 at the far plane, because floats are densest near 0.
     let (projection, eye) = match camera.orthographic {
         None => {
             let aspect = viewport.width.max(1) as f32 / viewport.height.max(1) as f32;

@@ -8,9 +8,9 @@ use crate::project::{ChannelRef, Pass, PassKind, Project};
 /// What a ray or effect pass that is switched off writes instead of its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Instead {
-    /// A copy of the colour that it would have read, without its contribution.
+    /// A copy of the colour channel that the pass would have read, without the pass's contribution.
     Copy(ChannelRef),
-    /// A constant; for shares of light it is 1, as without occluders.
+    /// A constant: 1 for shares of light, as without occluders; opaque black for colours.
     Fill([f32; 4]),
 }
 

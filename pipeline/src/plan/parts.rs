@@ -14,14 +14,15 @@ use crate::gbuffer::ALIGNMENT;
 use crate::memory::mebibytes;
 use crate::project::{ChannelRef, PassKind, QuadPass};
 
-/// Side of the blocks in which a rasteriser draws, one after another, a picture that exceeds its limits. Each block has its own projection.
+/// Largest side of the blocks in which a rasteriser draws, one after another, a picture that exceeds its limits. Each block has its
+/// own projection.
 pub const BLOCK: u32 = 4096;
 
-/// If targets take more than half of the allowed memory, the picture is cut into bands whose targets take about `1 / SHARE` of
-/// it. The rest is for the scene.
+/// If targets take more than half of the allowed memory, the picture is cut into bands whose targets take about `1 / SHARE` of the
+/// allowed memory. The rest is for the scene.
 const SHARE: u64 = 4;
 
-/// Name of these decisions.
+/// Subject of the decisions about parts.
 const WHAT: &str = "parts of the picture";
 
 /// A part of the picture.
@@ -29,7 +30,7 @@ const WHAT: &str = "parts of the picture";
 pub struct Part {
     /// The rectangle that is rendered.
     pub rendered: Rect,
-    /// The rectangle of it that is written.
+    /// The rectangle of [`Self::rendered`] that is written.
     pub written: Rect,
 }
 
@@ -150,7 +151,7 @@ impl Plan {
         super::liveness::sources(quad).iter().any(random)
     }
 
-    /// Chooses the parts: the requested ones, or bands if the whole would not fit into memory.
+    /// Chooses the parts: the requested ones, or bands if the targets would otherwise take more than half of the allowed memory.
     pub(super) fn choose_parts(&mut self) -> Result<(), PlanError> {
         let [width, height] = self.window;
         let crop = self.settings.crop.unwrap_or(Rect { x: 0, y: 0, width, height });

@@ -13,7 +13,7 @@ pub struct Preview {
 }
 
 impl Preview {
-    /// The parameters with at most [`Self::samples`] of each kind, and no error to reach.
+    /// Limits the samples of each kind to [`Self::samples`], and turns adaptive sampling off.
     pub(super) fn limit(&self, params: &mut RayParams) {
         for samples in [&mut params.samples, &mut params.sun_samples, &mut params.paths] {
             *samples = self.samples.min(*samples);

@@ -57,7 +57,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Fails if ray passes cannot skip pixels whose first samples are alike, or would skip none.
+    /// With an adaptive number of samples, fails if ray passes cannot skip pixels whose first samples are alike, or would skip none.
     fn check_adaptive_samples(&self) -> Result<(), PlanError> {
         let samples = self.settings.aa;
         if samples.tolerance().is_none() {

@@ -37,8 +37,8 @@ pub struct Settings {
     /// Assignments: parameters of ray and effect passes, `pass.name=value`; ray backends of single passes, `pass.backend=cpu`;
     /// formats of channels of render targets, `texture.format=RGBA16F`.
     pub set: Vec<String>,
-    /// Names of passes that are switched off. A ray or effect pass then writes a neutral result: the colour that it reads, or 1 for
-    /// a share of light. A raster or quad pass leaves its target unchanged.
+    /// Names of passes that are switched off. A ray or effect pass then writes a neutral result: the colour that it reads (black if
+    /// it reads none), or 1 for a share of light. Other passes leave their targets unchanged.
     pub off: Vec<String>,
     /// Most memory that the process may use, bytes.
     pub max_memory: u64,
@@ -46,7 +46,8 @@ pub struct Settings {
     pub scene: SceneOptions,
     /// The rectangle of the window that is written; all of it if `None`.
     pub crop: Option<Rect>,
-    /// Number of bands of rows that are rendered one after another, at most; `None` chooses as few as fit into memory.
+    /// Largest number of bands of rows, which are rendered one after another. `None` cuts the picture into bands only if its targets
+    /// take more than half of the allowed memory.
     pub bands: Option<u32>,
     /// Samples of every pixel, over which the picture is averaged. Ray passes take their own number of samples for each of them.
     pub aa: PixelSamples,
@@ -171,7 +172,7 @@ const FORMAT: &str = "format";
 /// Name after the dot in an assignment of a pass's ray backend.
 const BACKEND: &str = "backend";
 
-/// Ray backends that a single pass may ask for; `auto` is the common one.
+/// Ray backends that a single pass may ask for. `auto`, the first, is the backend of all passes.
 const BACKENDS: &[&str] = &["auto", "cpu", "wgpu", "cuda", "optix"];
 
 /// The parameter with which `--set PASS.backend=NAME` selects a ray backend for one pass. Every pass that [`may_trace`] has it.
@@ -216,8 +217,8 @@ pub(super) fn set_formats(project: &mut Project, pipeline: usize, settings: &Set
     Ok(())
 }
 
-/// Widens channels of bytes that hold colours of linear light: steps of 1/255 are coarse near black, and values above 1 would be
-/// lost. Channels whose format the user sets are kept. Returns the names of the widened channels.
+/// Widens channels of bytes that hold colours of linear light to 16-bit floats: steps of 1/255 are coarse near black, and values
+/// above 1 would be lost. Channels whose format the user sets are kept. Returns the names of the widened channels.
 pub(super) fn widen_colors(project: &mut Project, pipeline: usize, settings: &Settings) -> Vec<String> {
     let by_user = |name: &str| {
         settings.set.iter().any(|set| parts(set).is_ok_and(|(key, what, _)| what == FORMAT && key == name))
@@ -328,7 +329,7 @@ fn check_backend(passes: &[Pass], pass: &str, value: &str) -> Result<(), PlanErr
 }
 
 impl Plan {
-    /// The ray backend that `--set PASS.backend=NAME` selects for a pass; `None` for the common one.
+    /// The ray backend that `--set PASS.backend=NAME` selects for a pass; `None` for the backend of all passes.
     #[must_use]
     pub fn backend_of(&self, planned: &PlannedPass) -> Option<&str> {
         let name = &self.pass(planned).name;

@@ -90,7 +90,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The first pass with own shaders, if the rasteriser cannot draw with them, and the error with a remedy.
+    /// The name of the first pass with own shaders, if the rasteriser cannot draw with them, and the error with a remedy.
     #[must_use]
     pub fn undrawn_shaders(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {

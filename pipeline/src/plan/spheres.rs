@@ -19,7 +19,7 @@ impl Plan {
         self.scene_sets.get(scene_set)?.iter().find_map(|scene| self.project.scenes[*scene].exact_sphere())
     }
 
-    /// Fails if a pass shows exact spheres that no engine supports there.
+    /// Fails if an effect pass, or a pass in thesis fidelity, shows exact spheres: no engine supports these combinations.
     pub(super) fn check_spheres(&self) -> Result<(), PlanError> {
         for planned in &self.passes {
             let Some(place) = self.exact_sphere(planned) else { continue };
@@ -39,7 +39,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The first pass that shows exact spheres, if the rasteriser cannot draw them, and the error with a remedy.
+    /// The name of the first raster pass that shows exact spheres, if the rasteriser cannot draw them, and the error with a remedy.
     #[must_use]
     pub fn undrawn_spheres(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
@@ -55,8 +55,8 @@ impl Plan {
         })
     }
 
-    /// The first pass that shows exact spheres which its ray backend cannot trace, and the error with a remedy. `rays_of` gives the
-    /// backend of a pass by name.
+    /// The name of the first ray pass that shows exact spheres which its ray backend cannot trace, and the error with a remedy.
+    /// `rays_of` returns the ray backend for the name of a pass.
     #[must_use]
     pub fn untraced_spheres<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
@@ -73,8 +73,8 @@ impl Plan {
     }
 
     /// The name of the first ray pass that asks for a feature which its ray backend lacks, and the error with the reason `why`.
-    /// `rays_of` gives the backend of a pass by name, `asked` the feature that a pass asks for, and `has` whether a backend has
-    /// it.
+    /// `rays_of` returns the ray backend for the name of a pass, `asked` the feature that a pass asks for, and `has` whether a
+    /// backend has it.
     pub(super) fn first_lacking<'a>(
         &self,
         rays_of: impl Fn(&str) -> &'a dyn RayBackend,

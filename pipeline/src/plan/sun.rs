@@ -14,8 +14,8 @@ impl Plan {
         }
     }
 
-    /// The first pass that asks for a light with a disc which its ray backend cannot trace, and the error with a remedy. `rays_of`
-    /// gives the backend of a pass by name.
+    /// The name of the first pass that asks for a light with a disc which its ray backend cannot trace, and the error with a remedy.
+    /// `rays_of` returns the ray backend for the name of a pass.
     #[must_use]
     pub fn untraced_sun<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "its programs know a light that is a point; use --backend cpu, or allow it with --fallback cpu, or set sun=0 on \

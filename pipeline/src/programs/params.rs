@@ -25,7 +25,7 @@ pub struct RayParams {
     pub glass: GlassRule,
     /// Colour of rays that miss the scene; in thesis fidelity always black.
     pub background: Background,
-    /// How light passes through glass to shadow rays; in thesis fidelity by the report's rule.
+    /// How light passes through glass along shadow rays; in thesis fidelity by the report's rule.
     pub shadow: GlassShadow,
     /// Number of spectral strata into which a path splits at a body with dispersion; 1 disables dispersion.
     pub wavelengths: u32,
@@ -118,7 +118,7 @@ pub const MOST_SUN_SAMPLES: u32 = 65_536;
 /// Most levels of the filter over a share of light, by rays or by raster.
 pub const MAX_FILTER_LEVELS: u32 = 3;
 
-/// Bytes a pixel that the filter takes on the processor: position, normal, the share and the next one, in 32-bit floats.
+/// Bytes a pixel that the filter takes on the processor: position, normal, and the share before and after a level, in 32-bit floats.
 pub const FILTER_BYTES: u64 = 32;
 
 /// A parameter of ray programs, as XML attribute, in `--set`, in help and in documents.

@@ -431,8 +431,8 @@ impl RayProgram {
         if asks { params.photons } else { 0 }
     }
 
-    /// Whether a parameter of [`PARAMS`](super::PARAMS) has an effect beside these. The program must read it; photon parameters have an
-    /// effect only if the rules for glass and its shadow use photons.
+    /// Whether the parameter `name` of [`PARAMS`](super::PARAMS) has an effect together with `params`. The program must read it; photon
+    /// parameters have an effect only if the rules for glass and its shadow use photons.
     #[must_use]
     pub fn heeds(self, name: &str, params: &RayParams) -> bool {
         let of_photons = matches!(name, "photons" | "photonradius");

@@ -6,7 +6,7 @@ use super::loader::Loader;
 use crate::image::MAX_SIDE;
 use glam::Vec4;
 
-/// Elements and attributes of the engine that do not affect rendering here; they are skipped without a warning.
+/// Elements of the engine that are accepted without a warning. Of these only `<attributes>` affect rendering here.
 const OTHER_ASSETS: &[&str] = &[
     "attributes",
     "events",
@@ -39,7 +39,7 @@ impl Loader {
         self.list(root, "lights", &["light"], Self::light);
     }
 
-    /// Reads the numbers that `<attributes>` declare for passes; other declarations there are skipped.
+    /// Reads the values that `<attributes>` declare for passes and for shaders; other declarations there are skipped.
     fn pass_attributes(&mut self, root: &Element) {
         let lists = root.children_named(&["assets"]).flat_map(|assets| assets.children_named(&["attributes"]));
         for item in lists.flat_map(|list| list.children_named(&["attribute"])) {
@@ -130,7 +130,7 @@ impl Loader {
             element.attribute("ratio").is_some() || element.children.iter().any(|child| child.is(&["ratio"]));
         let mut component =
             |part: Option<&Element>, name: &str, default: f32| match part.and_then(|part| part.attribute(name)) {
-                // A height of 0 is then replaced by the ratio.
+                // Where there is a `ratio`, it replaces a height of 0.
                 Some(value) if has_ratio && name == "height" && value.text.parse::<f32>() == Ok(0.0) => Some(0.0),
                 Some(value) => self.number(value).filter(|number| self.in_rectangle(*number, name, value)),
                 None => Some(default),

@@ -13,15 +13,15 @@ const FIXED: [(&str, f64); 2] = [("FRAME_COUNT", 1.0), ("TIMER", 0.0)];
 /// The kinds of things whose attributes scripts read and set.
 const KINDS: [&str; 3] = ["PASS", "RENDERER", "IMAGE_TEXTURE"];
 
-/// An attribute that a script names.
+/// The place of an attribute that a script names.
 enum Place {
-    /// Number of workgroups of a pass in a direction.
+    /// Number of workgroups of a compute pass, by its `pipeline#pass`, in a direction 0 to 2.
     Groups(String, usize),
-    /// A number of a pass.
+    /// A named number of a pass, by its `pipeline#pass`.
     Pass(String),
-    /// Numbers of the project.
+    /// A value that `<attributes>` declare for shaders.
     Renderer,
-    /// The level of an image of a material.
+    /// The mip level that a material, `Library::material`, binds to an image unit.
     Level(String, u32),
     /// A constant, which cannot be set.
     Fixed(f64),
@@ -150,7 +150,7 @@ impl script::Attributes for Attributes {
 }
 
 impl Attributes {
-    /// The level that is bound to an image unit of a material.
+    /// The mip level that is bound to an image unit of a material; 0 if none is bound.
     fn level(&self, material: &str, unit: u32) -> u32 {
         let key = (material.to_owned(), unit);
         self.levels.get(&key).or_else(|| self.bound.get(&key)).copied().unwrap_or_default()

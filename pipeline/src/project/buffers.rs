@@ -11,9 +11,9 @@ use crate::glsl::{self, Held, Program};
 use crate::image::PixelFormat;
 use glam::Vec4;
 
-/// Bytes of a pixel.
+/// Bytes of a pixel of the target that holds a buffer.
 const PIXEL: u64 = 16;
-/// Most pixels of a row.
+/// Most pixels in a row of that target.
 const ROW: u64 = 4096;
 /// Largest buffer, bytes.
 const MOST: u64 = 1 << 30;
@@ -98,7 +98,7 @@ impl Loader {
         found
     }
 
-    /// What is bound to each buffer and image of the program. Outer `None` after an error.
+    /// What is bound to each buffer and image of the program. Inner `None` for an image to which nothing is bound, outer `None` after an error.
     pub(super) fn storage(
         &mut self,
         program: &Program,
@@ -175,7 +175,7 @@ impl Loader {
         self.find_buffer(library, name.trim(), value)
     }
 
-    /// The buffer `name` of a library, an index into [`super::Project::targets`]. `value` is what names it.
+    /// The buffer `name` of a library, an index into [`super::Project::targets`]. `value` is the text that names it, for messages.
     fn find_buffer(&mut self, library: usize, name: &str, value: &Value) -> Option<usize> {
         let library = self.libraries.get(library);
         let index = match library.buffer_names.find(name) {

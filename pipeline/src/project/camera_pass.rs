@@ -37,13 +37,13 @@ struct Handed {
     /// Whether the default material has programs for shadow rays.
     shadow: bool,
     lit_from: Option<From>,
-    /// Components of the pass itself that are handed over.
+    /// Names of the pass's own attributes that are handed over, such as `AO_RADIUS`.
     of_pass: Vec<String>,
-    /// Kinds of other things that are handed over.
+    /// Kinds of further inputs that are handed over.
     others: Vec<String>,
 }
 
-/// The behaviour of rays at materials, and descriptions of inputs, besides program names, that determined it.
+/// The behaviour of rays at materials, and explanations for `plan` where more than names of device programs determined it.
 type Surfaces = (Vec<(MaterialPattern, SurfaceKind)>, Vec<String>);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +109,7 @@ impl Loader {
         })
     }
 
-    /// Reads a pass whose rays start at the camera, or one without a camera and rays.
+    /// Reads a pass whose rays start at the camera, or a pass that has no camera and traces no rays.
     pub(super) fn generated_pass(&mut self, context: &mut PassContext<'_>) -> Option<PassKind> {
         self.expect_camera_children(context.element);
         match self.generator(context.element).filter(|_| Self::is_pattern(context)) {
@@ -163,7 +163,7 @@ impl Loader {
         })
     }
 
-    /// The buffer that the pass hands to its device programs, which add up colours there before their gamma.
+    /// The buffer that the pass hands to its device programs, into which they add up colours before they apply gamma.
     fn handed_buffer(&self, pass: &Element) -> Option<usize> {
         let handed = pass.children_named(handed::GLOBAL).flat_map(|list| &list.children);
         let is_buffer =
@@ -171,7 +171,7 @@ impl Loader {
         handed.filter(is_buffer).find_map(|item| self.libraries.buffer_named(&item.attribute("context")?.text))
     }
 
-    /// Drops the colour buffers ([`CameraStart::linear`]) that no pass of the pipeline reads. Reports each other one whose size
+    /// Drops the colour buffers ([`CameraStart::linear`]) that no pass of the pipeline reads. Reports a remaining buffer if its size
     /// differs from that of its pass's target.
     pub(super) fn check_linear(&mut self, passes: &mut [Pass], facts: &[Facts]) {
         let read: HashSet<usize> =
@@ -283,7 +283,8 @@ impl Loader {
         None
     }
 
-    /// Whether the light is treated as a point light; if `from` is given, that decides. `None` if the light lacks what is needed.
+    /// Whether the light is treated as a point light; if `from` is given, that decides. `None` after an error, if the light lacks the
+    /// position or direction that this needs.
     fn is_lamp(&mut self, info: &RayProgramInfo, light: Option<(usize, Span)>, from: Option<From>) -> Option<bool> {
         let Some((index, at)) = light else { return Some(false) };
         let Some(light) = &self.lights.items[index] else { return Some(false) };
@@ -392,7 +393,7 @@ impl Loader {
         whole.then_some((surfaces, said))
     }
 
-    /// The behaviour of a map's materials, by the names of its radiance programs.
+    /// The behaviour of the materials of a material map, by the names of the map's radiance programs.
     fn kind_of_map(&mut self, map: &Element, default: &[String], said: &mut Vec<String>) -> Option<SurfaceKind> {
         let mut kind = SurfaceKind::Painted;
         for given in programs_of(map).into_iter().filter(|given| !given.of_shadow() && !given.of_kind("MISS")) {

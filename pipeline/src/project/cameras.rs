@@ -136,7 +136,8 @@ impl Loader {
         valid.then_some(Lens { fov_y: fov.to_radians(), near, far, orthographic })
     }
 
-    /// Position, unit direction and up vector. Defaults are the engine's: the origin, -z and y; a note mentions missing ones.
+    /// Position, unit direction and up vector. Defaults are the engine's: the origin, -z and y. A note mentions a missing position or
+    /// direction, not a missing up vector.
     fn pose(&mut self, element: &Element, name: &Value) -> Option<(DVec3, Vec3, Vec3)> {
         let position = match self.single(element, &["position"]) {
             Some(position) => self.point(position),

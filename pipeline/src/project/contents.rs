@@ -19,7 +19,7 @@ pub enum Distribution {
 }
 
 impl Distribution {
-    /// The names in project files.
+    /// The names of distributions in project files; `None` for zeros.
     pub(super) const NAMED: [(&'static str, Option<Self>); 3] =
         [("NONE", None), ("RANDOM_UNIFORM", Some(Self::Uniform)), ("RANDOM_NORMAL", Some(Self::Normal))];
 }

@@ -75,7 +75,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// A copy of its start tag alone, without children and text.
+    /// A copy of the element's start tag alone, without children and text.
     pub fn tag(&self) -> Self {
         let (name, attributes) = (self.name.clone(), self.attributes.clone());
         Self { name, attributes, children: Vec::new(), text: None, ..*self }
@@ -119,7 +119,7 @@ struct Parser<'a> {
     all_attributes: usize,
     /// Whether text outside the root was reported already.
     stray_noted: bool,
-    /// Line, column and offset up to which lines were counted.
+    /// Line and column of the last offset for which they were determined, and that offset.
     cursor: (u32, u32, usize),
 }
 
@@ -329,7 +329,7 @@ impl Parser<'_> {
         true
     }
 
-    /// Line and column of an offset, which must not be before the last one asked for.
+    /// Line and column of an offset, which must not be before the offset of the last call.
     fn advance(&mut self, offset: usize) -> (u32, u32) {
         let (mut line, mut column, last) = self.cursor;
         for character in self.text[last..offset].chars() {
@@ -417,7 +417,7 @@ impl Parser<'_> {
                     format!("attribute `{}` has no value", shown(name))
                 };
                 self.report.error_help(name_span, what, || "valid: name=\"value\"".to_owned());
-                // Continues after the next white space, so that each piece gets one message.
+                // Continues after the next white space, so that each invalid piece gets one message.
                 at = content[at..].find(char::is_whitespace).map_or(content.len(), |space| at + space);
                 continue;
             }

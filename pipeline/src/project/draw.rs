@@ -50,8 +50,8 @@ impl Loader {
         self.scenes.items.len() - 1
     }
 
-    /// Reads a pass that draws triangles. The camera is the given one, or else the pass's own. `others` are further elements that
-    /// its class may contain.
+    /// Reads a pass that draws triangles. The camera is the given one, or else the pass's own. `others` are further elements that a
+    /// pass of its class may contain.
     pub fn draw_pass(
         &mut self,
         context: &mut PassContext<'_>,

@@ -75,8 +75,8 @@ impl Project {
     /// them.
     ///
     /// # Errors
-    /// If there is no such light, the direction is not finite, or a component of the colour exceeds [`BRIGHTEST`]; the project is
-    /// then unchanged.
+    /// If there is no such light, the direction is 0 or not finite, or a component of the colour exceeds [`BRIGHTEST`] in absolute
+    /// value; the project is then unchanged.
     pub fn set_light(&mut self, light: &str, direction: Vec3, color: Vec3) -> Result<(), String> {
         let index = self.light(light)?;
         let Light { name, .. } = &self.lights[index];

@@ -78,7 +78,8 @@ impl Folder {
         Self { folder: project.parent().unwrap_or(Path::new("")).to_owned(), lookups: 0 }
     }
 
-    /// The file that `value` names, relative to the folder; it need not exist. `None` if the path is invalid on every system.
+    /// The file that `value` names, relative to the folder; it need not exist. `None` after an error, if the path is empty, starts
+    /// with the letter of a Windows drive, or is a network path.
     ///
     /// Backslashes count as slashes. Paths that a printed page wrapped are joined. If an existing file differs only in case, that
     /// file is taken and a note says so.

@@ -9,7 +9,7 @@ use super::{ChannelRef, IntersectionPass, RaysTraced};
 use crate::glsl;
 use crate::programs::Query;
 
-/// Names in files for the hit that is written of each ray.
+/// Names in files for the kinds of hit that can be written for each ray.
 const QUERIES: [(&str, Query); 2] = [("CLOSEST", Query::Closest), ("ANY", Query::Any)];
 
 impl Loader {
@@ -64,7 +64,7 @@ impl Loader {
         Some([listed?, own?].concat())
     }
 
-    /// The buffer that a child of the pass names, and the place.
+    /// The buffer that a child of the pass names, and the place in the file that names it.
     fn buffer_of(&mut self, context: &PassContext<'_>, child: &str, attributes: &[&str]) -> Option<(usize, Span)> {
         let Some(found) = self.single(context.element, &[child]) else {
             let message = format!("pass `{}` names no buffer of {child}", shown(&context.name));
@@ -131,7 +131,7 @@ impl Loader {
         Some(RaysTraced::Fixed(hits_held))
     }
 
-    /// A number of rays that a buffer holds: `<rayCount buffer="…" offset="…"/>`.
+    /// The number of rays as an integer in a buffer: `<rayCount buffer="…" offset="…"/>`.
     fn counted(&mut self, context: &mut PassContext<'_>, asked: &Element, most: u64) -> Option<RaysTraced> {
         let name = self.required(asked, "buffer")?;
         let buffer = self.find_buffer_of(name)?;
@@ -161,7 +161,7 @@ impl Loader {
         Some(RaysTraced::Counted { buffer, offset, most })
     }
 
-    /// A whole number from 0 to `most`; inner `None` for -1.
+    /// A whole number from 0 to `most`; inner `None` for -1, outer `None` after an error.
     fn whole(&mut self, value: &Value, most: u64, what: &str) -> Option<Option<u64>> {
         let number = self.number(value)?;
         if number == -1.0 {

@@ -36,7 +36,7 @@ const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
 pub(super) struct LightExtra {
     /// Length of the direction as the file gives it; 1 without a direction.
     pub length: f32,
-    /// Values by the engine's names.
+    /// Values of further properties, by the engine's names.
     pub values: Vec<(&'static str, [f32; 4])>,
 }
 
@@ -59,7 +59,7 @@ pub(super) enum Texture {
 #[derive(Debug, Clone)]
 pub(super) struct ValueOf {
     pub uniform: Value,
-    /// Name of the uniform's block.
+    /// Name of the uniform's block; `None` for a uniform outside of blocks.
     pub block: Option<Value>,
     pub kind: Option<Value>,
     pub context: Option<Value>,
@@ -157,7 +157,7 @@ pub(super) struct LibraryMaterial {
     pub images: Vec<ImageBinding>,
     /// First units of the bound arrays of textures, and of the bound arrays of images, each in the order of the file.
     pub arrays: [Vec<u32>; 2],
-    /// How it is drawn.
+    /// The render state with which it is drawn.
     pub state: State,
 }
 
@@ -325,6 +325,6 @@ pub(super) struct Injected {
 }
 
 impl Injected {
-    /// Nothing.
+    /// No bindings.
     pub const NONE: Self = Self { textures: Vec::new(), buffers: Vec::new(), images: Vec::new() };
 }

@@ -68,7 +68,8 @@ impl Loader {
         ];
         self.expect(&root, PARTS, &["name"]);
         let name = self.required(&root, "name")?;
-        // As in the engine, a second file of the same name extends the first library; paths in both are relative to one folder.
+        // As in the engine, a second file of the same name extends the first library. Both must be in one folder: their paths are
+        // relative to it.
         let same = match self.libraries.names.find(&name.text) {
             Found::Exact(index) if self.libraries.list[index].path.parent() == path.parent() => Some(index),
             _ => None,
@@ -459,7 +460,8 @@ impl Loader {
         None
     }
 
-    /// The channel for `Library::name`, or for `name` alone: in the library `own`, or else in the only library that has it.
+    /// The channel for `Library::name`, or for `name` alone. The latter is looked up in the library `own` if there is one, otherwise
+    /// in the only library that has it.
     pub fn find_texture(&mut self, value: &Value, own: Option<usize>) -> Option<ChannelRef> {
         if let Some((library, name)) = value.text.split_once("::") {
             let from = Value { text: library.trim().to_owned(), joined: None, span: value.span };

@@ -105,8 +105,8 @@ impl Loader {
 }
 
 impl Project {
-    /// Places the cameras of lights so that they cover the views of their cameras in a window of this size. `chosen` is the camera
-    /// that replaces all others.
+    /// Places the cameras of lights so that they cover the views of the passes' cameras in a window of this size. `chosen` is the
+    /// camera that replaces all cameras of passes.
     pub(crate) fn place_light_cameras(
         &mut self,
         chosen: Option<usize>,

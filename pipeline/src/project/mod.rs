@@ -18,7 +18,7 @@
 //! | position, view, up of a camera | the origin, -z (each with a note), +y |
 //! | colour of a light | white |
 //! | attenuation of a positional light | none: constant 1, linear 0, quadratic 0 |
-//! | pipeline that runs | the one with `default="true"`, or else the first |
+//! | pipeline that runs | the one with `default="true"`, or else the one that `<pipelines default="…">` names, or else the first |
 //! | program of a `default` pass | the first of [`RASTER_PROGRAMS`](crate::programs::RASTER_PROGRAMS) |
 //! | colours of a library material | diffuse 0.8, emission 0 |
 //!
@@ -399,14 +399,14 @@ pub struct RenderTarget {
 }
 
 impl RenderTarget {
-    /// The channel that holds the depth: 0 at the near plane, 1 at the far plane.
+    /// Index of the channel that holds the depth, which is 0 at the near plane and 1 at the far plane; `None` without such a channel.
     #[must_use]
     pub fn depth(&self) -> Option<usize> {
         self.channels.iter().position(|channel| channel.depth)
     }
 }
 
-/// A colour channel of a render target.
+/// A colour or depth channel of a render target.
 #[derive(Debug, Clone)]
 pub struct Channel {
     /// Name, by which later passes read it as a texture.
@@ -570,7 +570,7 @@ impl PassKind {
         }
     }
 
-    /// Number of channels of its target that a pass writes, counted from the first.
+    /// Largest number of channels that a pass of this kind writes, counted from the first, if its target has as many.
     #[must_use]
     pub fn channels_written(&self) -> usize {
         match self {
@@ -769,7 +769,7 @@ pub enum TextureMap {
 }
 
 impl TextureMap {
-    /// The texture that takes the place of the material's own; `None` where there is none.
+    /// The texture that takes the place of the material's own; `None` if the own texture stays or is removed.
     pub(crate) fn source(&self) -> Option<TextureSource> {
         match self {
             Self::File(path, magnification) => {
@@ -855,7 +855,7 @@ pub struct EffectPass {
     pub normal: Option<ChannelRef>,
     /// The channel bound to `color_buffer`.
     pub color: Option<ChannelRef>,
-    /// Colour maps that replace colours of the materials in maps.
+    /// Colour maps that replace colours of the materials in the pass's maps.
     pub colors: Vec<ColorMap>,
     /// Materials that are glass.
     pub glass: Vec<MaterialPattern>,
@@ -952,12 +952,12 @@ impl OwnShader {
         self.name.split_once("::").is_some_and(|(library, _)| library == libraries::BUILT_IN[0])
     }
 
-    /// The channels of the storage buffers that it reads.
+    /// The channels of the storage buffers and images that it reads.
     pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         self.buffers(|buffer| buffer.read)
     }
 
-    /// The channels of the storage buffers that it stores to.
+    /// The channels of the storage buffers and images that it stores to.
     pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         self.buffers(|buffer| buffer.written)
     }
@@ -973,7 +973,7 @@ impl OwnShader {
         self.storage.iter().flatten().any(|bound| bound.target == target)
     }
 
-    /// The channels of earlier passes that it samples.
+    /// The channels of targets that it samples: those that earlier passes wrote, and textures of random numbers.
     pub fn sampled(&self) -> impl Iterator<Item = ChannelRef> + '_ {
         self.textures
             .iter()

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 /// Reads and writes of a pass.
 pub(super) struct Facts {
-    /// Its name.
+    /// Name of the pass.
     pub name: String,
     /// Place of the pass in the file.
     pub span: Span,
@@ -21,11 +21,11 @@ pub(super) struct Facts {
     writes: usize,
     /// What happens to the target's depth, in the channel after the colours.
     depth: Kept,
-    /// Storage buffers that it stores to.
+    /// Storage buffers and images that its shaders store to.
     stores: Vec<ChannelRef>,
     /// Whether it may store to unknown buffers or images, since its shader could not be read.
     stores_unknown: bool,
-    /// Whether all that it reads and writes must have one size.
+    /// Whether the channels in [`Self::reads`] must have the size of its target.
     pub one_size: bool,
 }
 
@@ -82,7 +82,7 @@ impl Facts {
         self.writes = count;
     }
 
-    /// Records that the pass stores to these buffers.
+    /// Records that the pass stores to these buffers and images.
     pub fn stores(&mut self, buffers: impl Iterator<Item = ChannelRef>) {
         self.stores.extend(buffers);
     }
@@ -113,7 +113,8 @@ impl Facts {
 }
 
 impl Loader {
-    /// Reports reads of channels that no earlier pass writes, passes that read or store to their own target, and sizes that differ.
+    /// Reports reads of channels that no earlier pass writes, passes that read or store to their own target, passes that sample what
+    /// they store to, and sizes that differ.
     pub fn check_order(&mut self, passes: &[Facts]) {
         // The first writer of each channel.
         let mut writers: HashMap<ChannelRef, usize> = HashMap::new();

@@ -66,7 +66,7 @@ pub(super) struct InjectedShader {
 /// The pass being read.
 pub(super) struct PassContext<'e> {
     pub element: &'e Element,
-    /// Name of the pass, for messages.
+    /// Name of the pass.
     pub name: String,
     /// The pipeline's default camera; outer `None` if it could not be resolved.
     pub default_camera: Option<Option<usize>>,
@@ -241,7 +241,8 @@ impl Loader {
         }
     }
 
-    /// The scenes of a pass that cannot draw several instances of them. `None` if one could not be resolved, or there is none.
+    /// The scenes of a pass whose class cannot draw several instances of them. `None` after an error: [`Self::scenes_of`] fails, or
+    /// several instances are asked for.
     pub fn pass_scenes(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
         let scenes = self.scenes_of(context);
         self.cameras_among_scenes(context, false)?;
@@ -275,7 +276,7 @@ impl Loader {
         whole.then(|| found.unwrap_or(1.0) as u32)
     }
 
-    /// The scenes of a pass. `None` if one could not be resolved, or there is none.
+    /// The scenes of a pass; empty if it names cameras alone. `None` if a scene could not be resolved, or the pass names nothing.
     pub fn scenes_of(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
         let mut scenes = Vec::new();
         let mut any = false;
@@ -309,8 +310,7 @@ impl Loader {
         misses(&self.scenes.names) && !misses(&self.cameras.names)
     }
 
-    /// The cameras among the scenes of a pass: the engine draws the edges of their view frusta. Warns of each camera if these are
-    /// not `drawn`.
+    /// The cameras among the scenes of a pass: the engine draws the edges of their view frusta. Without `drawn`, warns of each camera.
     pub fn cameras_among_scenes(&mut self, context: &PassContext<'_>, drawn: bool) -> Option<Vec<usize>> {
         let lists = context.element.children_named(&["scenes"]);
         let mut cameras = Vec::new();

@@ -52,7 +52,7 @@ impl Report {
 
     /// Not generic, since there are hundreds of callers; `help` is called once at most.
     fn push(&mut self, severity: Severity, at: Span, message: String, help: &mut dyn FnMut() -> Option<String>) {
-        // A pass that a script repeats is read for each run.
+        // A pass that a script repeats is read for each run; its problems are reported once.
         let same = |(place, problem): &(Span, Problem)| {
             *place == at && problem.severity == severity && problem.message == message
         };

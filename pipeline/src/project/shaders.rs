@@ -582,8 +582,8 @@ impl Loader {
         None
     }
 
-    /// The image file that a material of `library` binds. The error is the path of a missing file and the place that names it.
-    /// `None` if the material binds something else.
+    /// The image file that a material of `library` binds. The error is the path of a missing file and the place that names it. `None`
+    /// if the material binds something else, or after an error in the path.
     pub fn image_file_of(&mut self, library: usize, binding: &Binding) -> Option<Result<PathBuf, (PathBuf, Span)>> {
         let (library, name) = match binding.name.text.split_once("::") {
             Some((other, name)) => {

@@ -151,7 +151,7 @@ impl Loader {
         let rounded = self.vector(element)?;
         let exact = |axis: usize| {
             let written = element.attribute(["x", "y", "z"][axis]).and_then(|value| value.text.parse::<f64>().ok());
-            // The name of a constant has no further digits; and where both agree, the value must not be rounded twice.
+            // The `f32` value is used for the name of a constant, and where the `f64` value, rounded to `f32`, differs from it.
             written.filter(|number| *number as f32 == rounded[axis]).unwrap_or_else(|| rounded[axis].into())
         };
         Some(DVec3::new(exact(0), exact(1), exact(2)))

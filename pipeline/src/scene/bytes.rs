@@ -1,4 +1,4 @@
-//! A little-endian reader that never reads past the end and never allocates more than the file holds.
+//! A little-endian reader that never reads past the end. It copies only strings and numbers, after checking that the file holds their bytes.
 
 use super::error::{Place, SceneError};
 use std::path::Path;

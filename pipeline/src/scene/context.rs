@@ -122,8 +122,8 @@ pub(crate) fn texture_file_or_suffix(
     texture_file(context, written, warnings, material)
 }
 
-/// Checks the scale of a normal map's x and y. Finite values up to this limit are kept; with larger ones the normals point in all
-/// directions and squares overflow.
+/// Checks the scale of a normal map's x and y. Magnitudes up to 1e6 are kept and larger ones clamped to it: with them the normals would point
+/// in all directions and squares overflow. NaN becomes 1.
 pub(crate) fn normal_scale(context: &Context<'_>, written: f32, material: &str, warnings: &mut Warnings) -> f32 {
     const MOST: f32 = 1e6;
     if written.abs() <= MOST {

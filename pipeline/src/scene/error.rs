@@ -81,7 +81,7 @@ impl SceneError {
     }
 }
 
-/// The memory that a load may still use, in bytes. It counts large blocks (files, vertices, triangles, texels), but not names.
+/// The memory budget of a load, in bytes. It counts large blocks (files, vertices, triangles, texels), but not every small allocation.
 #[derive(Debug, Clone)]
 pub(crate) struct Budget {
     limit: u64,

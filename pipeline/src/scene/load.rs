@@ -79,7 +79,8 @@ fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
 /// and a warning counts the others: the report's engine has one material table for all files.
 ///
 /// # Errors
-/// An error for the first file that is missing, of unknown format, damaged, or in need of more memory than allowed.
+/// An error for the first file that is missing, of unknown format, damaged, or in need of more memory than allowed; otherwise for a file
+/// that was refused because it lies outside the folder of `--confine`.
 pub fn load(
     files: &[PathBuf],
     options: &LoadOptions,
@@ -244,8 +245,8 @@ fn leave_out_unplaced(scene: &mut Scene, file: &Path) {
     });
 }
 
-/// Replaces numbers that are not finite; returns whether there were any. An infinite index of refraction, attenuation distance or
-/// cutoff is meaningful and stays.
+/// Replaces colours, shininess and thickness that are not finite by the defaults; returns whether there were any. An infinite index of
+/// refraction, attenuation distance or cutoff is meaningful and stays.
 fn replace_non_finite(material: &mut Material) -> bool {
     let defaults = Material::default();
     let mut replaced = false;

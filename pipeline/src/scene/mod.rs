@@ -51,7 +51,7 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Materials; names are unique.
     pub materials: Vec<Material>,
-    /// Sources of the textures. [`texture`] decodes them when a program reads them.
+    /// Sources of the textures. [`RenderScene::build`] decodes those in use (see [`texture`]).
     pub textures: Vec<TextureSource>,
     /// Placed exact spheres; they have no mesh.
     pub spheres: Vec<PlacedSphere>,
@@ -93,7 +93,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row: as many as positions, or none.
     pub texcoords: Vec<Vec2>,
-    /// Vertex colours, display values in 0..=1, which multiply the surface's colour and alpha: as many as positions, or none.
+    /// Vertex colours, display values, which multiply the surface's colour and alpha: as many as positions, or none. [`RenderScene::build`]
+    /// clamps them to 0..=1.
     pub colors: Vec<Vec4>,
     /// Tangents in model space: xyz is the direction of growing u, w the sign of the bitangent `w * cross(normal, tangent)`, the
     /// direction of growing v. As the file has them: as many as positions, or none; [`RenderScene::build`] computes missing ones.
@@ -146,7 +147,8 @@ pub struct SceneLight {
     pub position: Option<Vec3>,
     /// Distance at which light from a position ends; infinite where it does not.
     pub range: f32,
-    /// Angles between the axis of a spot light and the edges of its cone, in radians: where it begins to fade, and where it ends.
+    /// Angles between the axis of a spot light and the edges of its cone, in radians: where it begins to fade, and where it ends. `None` for
+    /// other lights.
     pub cone: Option<[f32; 2]>,
 }
 
@@ -211,7 +213,7 @@ pub enum TextureSource {
         /// The texels.
         source: Box<TextureSource>,
     },
-    /// Transmittance of another source's alpha: 1 - opacity times alpha, in all channels. Always within [`Self::Data`].
+    /// Transmittance of another source's alpha: 1 - `opacity` * alpha, in all channels. Always within [`Self::Data`].
     Clear {
         /// The texels.
         source: Box<TextureSource>,
@@ -293,7 +295,7 @@ pub struct Material {
     pub specular: Vec4,
     /// Emitted colour. In CBO and NBO it is added to the light that multiplies the texture, as in the report's programs.
     pub emission: Vec4,
-    /// Whether the emitted colour, times [`Self::emission_texture`], is added to the shaded colour (glTF, MTL).
+    /// Whether the emitted colour, times [`Self::emission_texture`], is added to the shaded colour (glTF, MTL, COLLADA).
     pub emission_added: bool,
     /// Texture that multiplies the emitted colour, at the coordinates of [`Self::texture`]: index into [`Scene::textures`].
     pub emission_texture: Option<u32>,
@@ -306,10 +308,11 @@ pub struct Material {
     pub normal_texture: Option<u32>,
     /// Factor of the normal map's x and y; finite.
     pub normal_scale: f32,
-    /// Alpha test: the surface has a hole where texture alpha times the alpha of [`Self::diffuse`] is below this. `None`: opaque.
+    /// Alpha test: the surface has a hole where the product of the alphas of texture, vertex colour and [`Self::diffuse`] is below this. `None`
+    /// cuts no holes.
     pub alpha_cutoff: Option<f32>,
-    /// Whether some triangles of the material have vertex colours ([`Geometry::colors`]). [`RenderScene::build`] sets it; `false`
-    /// before.
+    /// Whether some triangles of the material have vertex colours ([`Geometry::colors`]) other than white. [`RenderScene::build`] sets it;
+    /// `false` before.
     pub vertex_colors: bool,
     /// Whether it is a sky around the scene. In corrected fidelity a sky is shown in its own colours whatever the light, and occludes
     /// neither light nor ambient occlusion rays. Projects declare skies ([`SceneDecl::sky`](crate::project::SceneDecl::sky)), scene files do not.
@@ -323,7 +326,7 @@ pub struct Material {
     /// (glTF `transmissionTexture`). Light that it keeps from entering is scattered back ([`Self::veil`]). Index into [`Scene::textures`].
     pub transmission_texture: Option<u32>,
     /// Whether the surface bounds a solid body instead of being a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7).
-    /// This field and the following ones apply with `glass=auto`; a thin pane has only the program's index of refraction.
+    /// This field and the following ones apply with `glass=auto`; a pane of the rule `glass=pane` has only the pass's index of refraction.
     pub volume: bool,
     /// Share of light, by colour, that passes the surface at each crossing, in addition to Fresnel's term: glTF's base colour, or
     /// the square root of MTL's `Tf` for a body, since light crosses its surface twice. Linear, 0..=1.
@@ -409,7 +412,7 @@ impl Material {
         ]
     }
 
-    /// Every texture.
+    /// The indices of all textures that the material has.
     pub(crate) fn textures(&self) -> impl Iterator<Item = u32> + use<> {
         let of_glass = [self.roughness_texture, self.transmission_texture];
         [self.texture, self.emission_texture, self.normal_texture].into_iter().chain(of_glass).flatten()
@@ -606,7 +609,7 @@ impl TriangleRanges {
         &self.0
     }
 
-    /// Whether there is none.
+    /// Whether there are no ranges.
     #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -646,7 +649,7 @@ impl RenderScene {
     /// Appends another scene's triangles, materials and textures.
     ///
     /// # Panics
-    /// If the two were made for different [`Needs`] or origins, or together have more than 2^32 vertices or triangles.
+    /// If the two were made for different [`Needs`] or origins, or together have 2^32 or more vertices or surfaces.
     pub fn append(&mut self, other: RenderScene) {
         let index =
             |length: usize| u32::try_from(length).expect("at most 2^32 vertices, triangles, materials and textures");

@@ -66,7 +66,7 @@ mod tests {
             let [t, n] = [Vec3::X, Vec3::Z].map(|axis| turn * axis);
             for texel in [Vec3::new(0.8, 0.5, 0.9), Vec3::new(0.25, 0.9, 0.75), Vec3::new(0.5, 0.1, 1.0)] {
                 for side in [1.0, -1.0] {
-                    // A normal of another length only scales its share of the frame; the side of `flat` has no effect.
+                    // The side to which `flat` points has no effect.
                     let found = bent(texel, scale, n, t.extend(side), -n);
                     let exact = by_matrix(texel, scale, turn, side);
                     assert!(found.distance(exact) < 1e-6, "{texel} {scale} {side}: {found}, not {exact}");

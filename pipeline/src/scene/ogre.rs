@@ -20,7 +20,7 @@ struct Loader {
     table: MaterialTable,
     warnings: Warnings,
     shared: Mesh,
-    /// The mesh of the open submesh, and whether it uses the shared vertices.
+    /// The mesh of the open submesh, and whether it uses the shared vertices; `None` outside submeshes.
     current: Option<(Mesh, bool)>,
     /// Triangles that use the shared vertices, by submesh.
     shared_groups: Vec<Group>,

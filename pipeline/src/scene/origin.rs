@@ -9,7 +9,7 @@ use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 
 /// A scene is far from the origin if its distance exceeds this many times its longest side. At 16 sides `f32` coordinates have an
-/// error of at most one two-millionth of that side, less than a thousandth of a pixel in a picture of 1024 pixels that shows the
+/// error of at most one millionth (2^-20) of that side, less than a thousandth of a pixel in a picture of 1024 pixels that shows the
 /// whole scene.
 const FAR: f64 = 16.0;
 
@@ -29,7 +29,7 @@ pub(crate) fn origin_for([low, high]: Bounds) -> DVec3 {
     }
     let step = (2.0 * side).max(away * 2.0_f64.powi(-22)).log2().ceil().exp2();
     let origin = (0.5 * (low + high) / step).round() * step;
-    // At the ends of the range of f32 the step may be 0 or infinite.
+    // At the ends of the range of f64 the step may be 0 or infinite.
     if origin.is_finite() { origin } else { DVec3::ZERO }
 }
 
@@ -62,8 +62,8 @@ pub(crate) fn placed_bounds(meshes: &[Mesh], placed: impl Iterator<Item = (u32, 
     whole
 }
 
-/// Moves the origin of a scene near its contents, if they lie far from 0; returns it. `exact` has the transform of each object with
-/// all digits.
+/// Moves the origin of a scene near its contents if they lie far from 0. Returns the new origin, or 0 if the origin stays. `exact` has the
+/// transform of each object in `f64`, before rounding.
 pub(crate) fn move_near(scene: &mut Scene, exact: &[DMat4]) -> DVec3 {
     let placed = scene.objects.iter().zip(exact).map(|(object, exact)| (object.mesh, *exact));
     let origin = placed_bounds(&scene.meshes, placed).map_or(DVec3::ZERO, origin_for);

@@ -1,8 +1,8 @@
 //! Reflectance curves that materials have instead of Fresnel's equations.
 
 /// A curve after Schlick: `minimum + (maximum - minimum) (1 - cos)^exponent`. The cosine is that of the angle on the side of the lower
-/// index, so that the reflected share is the same in both directions. With ((n - 1) / (n + 1))², 1 and 5 it is Schlick's approximation of
-/// Fresnel's equations.
+/// index, so that the reflected share is the same in both directions. With minimum ((n - 1) / (n + 1))², maximum 1 and exponent 5 it is
+/// Schlick's approximation of Fresnel's equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reflectance {
     /// Share reflected at normal incidence: 0 to [`Self::maximum`].
@@ -53,8 +53,8 @@ mod tests {
             let share = curve.at(step as f32 / 100.0);
             assert!((0.04..=0.9).contains(&share), "{share}");
         }
-        // A source of this model has wrong precedence, by which the rest of the minimum is added to the whole. That gains light at grazing
-        // incidence.
+        // A source of this model has wrong operator precedence, which adds (1 - minimum) * minimum to the whole curve. That gains light at
+        // grazing incidence.
         let wrong = |away: f32| 0.04 + (1.0 - 0.04) * 0.04 + (1.0 - 0.04) * away.powf(5.0);
         assert!((wrong(0.0) - 0.0784).abs() < 1e-4 && wrong(1.0) > 1.03);
     }

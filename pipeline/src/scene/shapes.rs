@@ -89,7 +89,7 @@ impl ShapeKind {
     /// Most slices, stacks or divisions.
     pub const MOST: u32 = 4096;
 
-    /// Size of the mesh in bytes.
+    /// Size of the mesh, or for kinds without one of the placed sphere, in bytes.
     fn bytes(self) -> u64 {
         let Some((columns, rows)) = self.cells() else { return size_of::<PlacedSphere>() as u64 };
         let (columns, rows) = (u64::from(columns), u64::from(rows));
@@ -192,7 +192,7 @@ fn cube() -> Mesh {
     mesh
 }
 
-/// Adds primitives to a loaded scene. `file` is named in the error.
+/// Adds primitives to a loaded scene; axes are left out, since they have no mesh. `file` is named in the error.
 ///
 /// # Errors
 /// If their meshes take more than `max_bytes`.

@@ -65,7 +65,7 @@ impl Level {
     }
 }
 
-/// Wrap mode: texture coordinates outside 0 to 1.
+/// Wrap mode: what texture coordinates outside 0 to 1 read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wrap {
     /// The texture repeats.
@@ -104,7 +104,7 @@ impl Wrap {
 }
 
 /// What a lookup reads where the texture is magnified: at a level of detail of 0 or below, where a texel is as large as a pixel or larger.
-/// Lookups at level 0 without a level of their own, such as those of alpha tests, count as magnified.
+/// Lookups that have no level of detail, such as those of alpha tests, read level 0 and count as magnified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Magnification {
     /// The four texels around the point, blended.
@@ -333,8 +333,8 @@ pub fn lod(size: Vec2, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
     if footprint > 1.0 { 0.5 * log2(footprint) } else { 0.0 }
 }
 
-/// Level of detail for a lookup that covers this area, in texels of level 0: `log2` of the side of a square of that area. Level 0 where the
-/// area is not a number.
+/// Level of detail for a lookup that covers this area, in square texels of level 0: `log2` of the side of a square of that area. It is 0 for
+/// areas of up to 1, and where the area is not a number.
 #[must_use]
 #[inline(always)]
 pub fn lod_of_area(area: f32) -> f32 {

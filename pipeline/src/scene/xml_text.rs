@@ -5,7 +5,7 @@ use super::error::{Place, SceneError};
 use crate::guard;
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 
-/// Bytes within which an XML declaration ends.
+/// Number of bytes after `<?xml` that are searched for the end of an XML declaration.
 const DECLARATION: usize = 1024;
 
 /// Calls `read` with a file's text. Byte positions in errors become lines and columns; those of `read` count bytes of the text as UTF-8.

@@ -24,10 +24,10 @@ const HALF: f32 = 2.0 * FIELD;
 /// The region where single stones are worth building, near the cameras: from and to (x, z), metres.
 const STONES: [Vec2; 2] = [Vec2::new(-6.0, -31.0), Vec2::new(48.5, 33.5)];
 
-/// How much of the paving is built stone by stone.
+/// How much of the paving in [`STONES`] is built stone by stone. All else is flat pieces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Paving {
-    /// One polygon for each patch.
+    /// Nothing: all patches are flat pieces.
     Flat,
     /// Slabs are stones.
     Slabs,

@@ -12,7 +12,7 @@ pub(super) const PANE: f32 = -0.17;
 /// Local z of the back end of the reveals, metres.
 pub(super) const REVEAL: f32 = -0.22;
 
-/// A window with a granite surround: casements, one pane, and behind it a dark room with curtains. Without a `sill` where the
+/// A window with a granite surround: casements, one pane, and behind it a dark room with curtains. `sill` is false where the
 /// window opens onto a balcony.
 pub(super) fn window(
     builder: &mut Builder,

@@ -31,7 +31,7 @@ pub struct ThreadsFile {
     pub rounds: u32,
     /// Number of frames measured in each round.
     pub frames: u32,
-    /// Number of frames rendered before them, which are not measured.
+    /// Number of frames rendered before the measured ones of each round.
     pub warmup: u32,
     /// Whether every requested case is present.
     pub complete: bool,

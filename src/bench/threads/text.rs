@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 /// A row of a case's table: name and points.
 pub type Line<'c> = (String, &'c [ThreadsPoint]);
 
-/// The steps of a case, without those that take no measurable time, and the whole frame.
+/// The steps of a case and the whole frame, without those that take less than 5 microseconds on every number of threads.
 #[must_use]
 pub fn lines(case: &ThreadsCase) -> Vec<Line<'_>> {
     let steps = case.steps.iter().map(|step| (format!("{} {}", step.kind.name(), step.name), &step.points[..]));

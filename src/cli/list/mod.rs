@@ -150,7 +150,7 @@ fn ray_support(rays: &dyn RayBackend) -> Vec<String> {
 /// Name and description of a program, for a terminal with this number of columns.
 fn title(name: &str, about: &str, columns: Option<usize>) -> Vec<String> {
     let mut lines = width::folded(&format!("{name}: {about}"), columns);
-    // The name is one word, and so is in the first line.
+    // The name is one word, which folding does not split, so the first line contains it.
     lines[0] = lines[0].replacen(name, &heading(name), 1);
     lines
 }
@@ -187,7 +187,7 @@ fn one_effect(info: &EffectProgramInfo, columns: Option<usize>) -> Vec<String> {
     lines
 }
 
-/// Describes the parameter that only the command line can set, since machines differ.
+/// Describes the parameter of a pass's own ray backend. Only the command line can set it, since machines differ.
 fn own_backend() -> [String; 3] {
     [String::new(), heading("by --set PASS.NAME=VALUE alone"), describe(&OWN_BACKEND, "auto")]
 }

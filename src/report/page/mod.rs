@@ -177,7 +177,7 @@ fn words(value: &serde_json::Value) -> String {
     }
 }
 
-/// A warning if other programs ran during the measurements.
+/// A warning if other programs were running when the report began.
 fn busy(data: &ReportData) -> Markup {
     let environment = &data.bench.environment;
     html! {

@@ -8,7 +8,7 @@ use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
 use maud::{Markup, html};
 
-/// A table with the columns that all rows have, in groups.
+/// A table of rows with columns in groups. Optional columns appear if at least one row has a value for them.
 pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     let device = rows.iter().any(|row| row.frame_device.is_some());
     let processor = rows.iter().any(|row| row.frame_processor.is_some());
@@ -115,7 +115,7 @@ fn spent_list(rows: &[&BenchRow]) -> Markup {
     }
 }
 
-/// The error of a row's picture, and whether it is only an upper bound.
+/// The error of a row's picture, and whether it is only an upper bound; `None` if there is no error.
 pub fn of_picture(row: &BenchRow) -> Option<(&Comparison, bool)> {
     let error = row.picture_error.as_ref()?;
     error.found().map(|(found, _)| (found, error.is_at_most()))
@@ -130,7 +130,7 @@ fn picture_errors(row: &BenchRow) -> Markup {
     }
 }
 
-/// A list of the references of pictures, and of reasons why rows have none. It is short, since a table may have many rows.
+/// A list of the references of pictures, and of reasons why rows have none; cut off after `MOST` lines, since a table may have many rows.
 fn pictures_list(rows: &[&BenchRow]) -> Markup {
     const MOST: usize = 4;
     let lines = of_pictures(rows.iter().copied());

@@ -67,7 +67,7 @@ pub fn text_width(text: &str, size: i32) -> i32 {
 }
 
 /// Draws a plot of `size` pixels, and replaces its colours by the page's. `None` if plotters fails, which it does for empty
-/// ranges only; callers pass none.
+/// ranges only; no caller passes an empty range.
 pub fn draw(size: (u32, u32), title: &str, paint: impl FnOnce(&Root<'_>) -> Result<(), Failed>) -> Option<Plot> {
     let mut svg = String::new();
     let painted = {
@@ -184,7 +184,7 @@ pub struct LogAxis {
 }
 
 impl LogAxis {
-    /// An axis around positive values with some margin; `None` if there are no values.
+    /// An axis around the positive finite values, with some margin; `None` if there are none.
     pub fn around(values: impl Iterator<Item = f64>) -> Option<Self> {
         let logs = values.filter(|value| *value > 0.0 && value.is_finite()).map(f64::log10);
         let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));

@@ -24,10 +24,10 @@ fn curves(case: &ThreadsCase) -> Vec<Curve<'_>> {
             StepKind::Raster | StepKind::Maps | StepKind::Effect => &RASTER[..2],
             StepKind::Rays => &RAYS[..2],
             StepKind::Quad => &RAYS[2..],
-            // Copies and writing use a single thread.
+            // Copies and writing use a single thread, and get no curve.
             _ => continue,
         };
-        // Steps below a hundredth of a millisecond get no curve.
+        // Steps that take less than a hundredth of a millisecond on any number of threads get no curve.
         if step.points.iter().any(|point| point.wall.median < 0.01) {
             continue;
         }

@@ -61,7 +61,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: &Facts) {
     numbers(app, ui);
 }
 
-/// Lists for a side: the picture and, if it is rendered, the engines. The right side may be nothing.
+/// Lists for a side: its picture and, if that is rendered, its engines. Only the right side may be `nothing`.
 fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option<Side>) {
     /// Width of the list of engines, points.
     const ENGINES: f32 = 122.0;
@@ -73,7 +73,7 @@ fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option
     };
     let width = ui.available_width() - 14.0 - if rendered.is_some() { ENGINES + 6.0 } else { 0.0 };
     let now = side.as_ref().map_or_else(|| "nothing".to_owned(), Side::name);
-    // Outputs differ in the channel, which follows the library's name. There is no room for both.
+    // Full names of outputs are `library::channel`. There is room for the channel only, in which outputs mostly differ.
     let channel = now.rsplit("::").next().unwrap_or(&now);
     let combo = ComboBox::from_id_salt(("side", index)).width(width).selected_text(channel).truncate();
     // Long names are cut off at the width of this area: otherwise the list grows with its text, and the panel with the list.
@@ -93,7 +93,7 @@ fn choose(app: &App, ui: &mut Ui, facts: &Facts, index: usize, side: &mut Option
     }
 }
 
-/// The entries of the list of pictures, the same for both sides except `nothing`.
+/// The entries of the list of pictures: the same for both sides, except that only the right one has `nothing`.
 fn offers(app: &App, ui: &mut Ui, facts: &Facts, index: usize, chosen: &mut Option<Side>) {
     if index == 1 {
         ui.selectable_value(chosen, None, "nothing");

@@ -5,7 +5,7 @@ use crate::theme::{color, milliseconds};
 use crate::worker::{FRAMES, Facts};
 use egui::{Align2, Color32, FontId, Panel, Rect, Sense, Stroke, Ui, pos2};
 
-/// Width of a frame, points.
+/// Width of a frame's bar, points.
 const WIDTH: f32 = 3.0;
 
 /// Draws the graph; the pass under the pointer is highlighted.

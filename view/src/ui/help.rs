@@ -1,4 +1,4 @@
-//! The keys, in a window of their own.
+//! The list of keys and their actions, in a window of its own.
 
 use super::keys::KEYS;
 use crate::app::App;

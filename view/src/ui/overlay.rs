@@ -6,10 +6,10 @@ use crate::worker::{Picture, PixelRays, Segment};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2};
 use glam::{Mat4, Vec3, Vec4};
 
-/// Most rays that are drawn.
+/// Greatest number of rays that are drawn.
 const RAYS: usize = 4096;
 
-/// Writes the values into the pixels, if these are large enough and the picture has its full resolution.
+/// Writes the value of each pixel into it, if pixels are drawn large enough and the picture has its full resolution.
 pub fn values(painter: &Painter, canvas: &Canvas, area: Rect, picture: &Picture) {
     let size = [picture.image.width, picture.image.height];
     if canvas.scale(area, size) < VALUES || picture.is_reduced() {
@@ -49,7 +49,7 @@ fn ink(segment: &Segment) -> Color32 {
     if segment.meets { color } else { color.gamma_multiply(0.55) }
 }
 
-/// Draws the pixel's outline, and its rays as the camera sees them.
+/// Draws a pixel's outline and, if `clip` is known, its rays as the camera sees them.
 pub fn rays(painter: &Painter, canvas: &Canvas, area: Rect, size: [u32; 2], clip: Option<&Mat4>, rays: &PixelRays) {
     let rect = canvas.pixel_rect(area, size, rays.pixel);
     painter.rect_stroke(rect.expand(2.0), 1.0, Stroke::new(1.5, Color32::WHITE), egui::StrokeKind::Outside);
@@ -65,7 +65,8 @@ pub fn rays(painter: &Painter, canvas: &Canvas, area: Rect, size: [u32; 2], clip
     }
 }
 
-/// Both ends of a line as shares of the picture from its top left, clipped at the camera; `None` if all of the line is behind the camera.
+/// Both ends of a line as shares of the picture from its top left, clipped at the camera; `None` if all of the line is behind the camera,
+/// or an end is not finite.
 fn projected(clip: &Mat4, from: Vec3, to: Vec3) -> Option<[[f32; 2]; 2]> {
     /// Least distance along the view, in units of clip space.
     const NEAR: f32 = 1e-4;

@@ -21,7 +21,7 @@ pub fn draw(app: &App, ui: &mut Ui, pass: &PassFacts) {
     });
 }
 
-/// An editor for a parameter; returns the value if the user changed it now.
+/// An editor for a parameter; returns its new value, or `None` if the user did not change it in this frame.
 fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> {
     let label = format!("{} {}", pass.name, parameter.info.name);
     match parameter.info.values {
@@ -61,7 +61,7 @@ fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Opti
     }
 }
 
-/// An entry in a list of values; disabled, with the reason as a hover text, if `missing` is given.
+/// An entry in a list of values. If `missing` gives a reason, the entry is disabled and shows the reason as its hover text.
 pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &str, missing: Option<&str>) {
     let label = egui::Button::selectable(*chosen == value, name);
     let response = ui.add_enabled(missing.is_none(), label);
@@ -70,7 +70,7 @@ pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &
     }
 }
 
-/// Why a ray backend for a single pass is not available; `None` if it is, or for other parameters.
+/// Why a ray backend for a single pass is not available; `None` if it is available, if that is not known yet, or for other parameters.
 fn missing(app: &App, parameter: &Parameter, name: &str) -> Option<String> {
     if parameter.info.name != OWN_BACKEND.name {
         return None;

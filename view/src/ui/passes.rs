@@ -27,7 +27,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
     });
 }
 
-/// Lists of engines; those that are not available give the reason.
+/// Lists of rasterisers and ray backends; entries that are not available give the reason.
 fn engines(app: &App, ui: &mut Ui, facts: &Facts) {
     let available = app.available().unwrap_or_else(|| Available {
         raster: RasterChoice::NAMES.iter().map(|(_, choice)| (*choice, None)).collect(),
@@ -168,7 +168,7 @@ fn outputs(app: &mut App, ui: &mut Ui, pass: &PassFacts) {
     });
 }
 
-/// Number of rays, device time, and the pass that overwrites this pass's output.
+/// Number of rays, device time, and the pass that overwrites this pass's first output.
 fn notes(ui: &mut Ui, facts: &Facts, pass: &PassFacts) {
     let mut parts = Vec::new();
     if let Some(rays) = pass.times.rays.filter(|rays| *rays > 0 && pass.state == PassState::Runs) {

@@ -14,7 +14,7 @@ use egui::{
 use glam::Vec3;
 use std::time::Duration;
 
-/// Radians per point that the mouse is dragged.
+/// Radians that the camera turns for each point that the mouse is dragged.
 const TURN: f32 = 0.005;
 /// Time after which [`Mode::Flicker`] changes the picture.
 const FLICKER: Duration = Duration::from_millis(500);
@@ -156,7 +156,7 @@ fn mouse(app: &mut App, ui: &Ui, area: Rect, response: &Response, facts: Option<
     if flies {
         fly(app, context, facts);
     }
-    // At rest the renderer reports the camera's pose itself.
+    // At rest the renderer reports the camera's pose, so the window drops its own copy.
     if app.state.activity == Activity::Resting && !flies && !response.dragged() {
         app.pose = None;
     }

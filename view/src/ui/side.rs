@@ -23,7 +23,7 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
 fn pixel(app: &mut App, ui: &mut Ui) {
     let Some(picture) = app.seen() else { return };
     let right = app.compared().map(|[_, right]| right);
-    // The same height with and without a pixel, so that the rows below do not move away from the pointer.
+    // The values have the same height with and without a pointed pixel, so that the rows below them do not move.
     let pointed = app.pointed.and_then(|at| Some((at, picture.pixel(at)?)));
     match pointed {
         Some(([x, y], _)) => ui.monospace(format!("{x}, {y}")),
@@ -55,7 +55,7 @@ fn pixel(app: &mut App, ui: &mut Ui) {
     lines(ui, &rays);
 }
 
-/// The four numbers of a pixel, in a column for each side.
+/// The four numbers of a pixel, in a column for each side; dashes where a side has no such pixel.
 fn values(ui: &mut Ui, id: &str, components: [&str; 4], columns: &[Option<[f32; 4]>]) {
     Grid::new(id).num_columns(1 + columns.len()).spacing([12.0, 1.0]).show(ui, |ui| {
         for (index, name) in components.iter().enumerate() {

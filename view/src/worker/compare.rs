@@ -15,7 +15,7 @@ pub struct Compared {
     pub names: [String; 2],
     /// Root mean square error of red, green and blue.
     pub rmse: f64,
-    /// Largest difference of a value.
+    /// Largest absolute difference of a red, green or blue value.
     pub max: f64,
     /// Mean FLIP error of the displayed colours, 0 to 1.
     pub flip: f64,

@@ -3,7 +3,7 @@
 use curitiba::passes::raster::gpu::adapters;
 use curitiba::{BackendChoice, Choice, RasterChoice, engines};
 
-/// Engines by name, with the reason for those that are not available.
+/// Engines, each with the reason why it is not available, or `None` if it is.
 #[derive(Debug, Clone, Default)]
 pub struct Available {
     /// Rasterisers.

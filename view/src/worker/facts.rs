@@ -28,15 +28,15 @@ pub struct Facts {
     pub camera: Option<String>,
     /// The camera through which the first raster pass sees.
     pub seen_by: String,
-    /// The pose of that camera.
+    /// The pose of the camera [`Self::seen_by`]; `None` if there is no such camera.
     pub pose: Option<Pose>,
-    /// The distance of that camera's far plane, behind which nothing is drawn.
+    /// Distance of the far plane of the camera [`Self::seen_by`], behind which nothing is drawn; infinite if there is no such camera.
     pub far: f32,
-    /// The matrix from world space to clip space, of the first raster pass.
+    /// The matrix from world space to clip space, of the first raster pass; `None` if none runs.
     pub clip_from_world: Option<Mat4>,
-    /// The bounding box of the scene.
+    /// The bounding box of all scenes, in world space; `None` if they have no vertices.
     pub bounds: Option<Bounds>,
-    /// The camera in use as an element of a project.
+    /// The camera [`Self::seen_by`] as an element of a project, or why it cannot be written as one.
     pub camera_xml: Result<String, String>,
     /// The engines that were asked for.
     pub choice: Choice,
@@ -57,7 +57,7 @@ pub struct Facts {
 pub struct PassFacts {
     /// Its name.
     pub name: String,
-    /// `raster`, `rays`, `effect` or `quad`.
+    /// `raster`, `rays`, `effect`, `quad`, `intersections` or `compute`.
     pub kind: &'static str,
     /// Its program, if the project chooses one.
     pub program: Option<&'static str>,
@@ -89,7 +89,7 @@ pub enum PassState {
 pub struct PassOutput {
     /// Its own name, such as `pos` or `result`.
     pub name: String,
-    /// `library::texture`; `None` for the window.
+    /// Its full name, `library::texture`; `None` for the result, which is written to the window.
     pub full: Option<String>,
 }
 
@@ -135,7 +135,7 @@ impl PassTimes {
         }
     }
 
-    /// Millions of rays a second of host time.
+    /// Millions of rays a second of host time; `None` if the pass traced none.
     #[must_use]
     pub fn mrays_per_second(&self) -> Option<f64> {
         self.rays.filter(|rays| *rays > 0).map(|rays| rays as f64 / 1e3 / self.host_ms.max(1e-6))
@@ -188,13 +188,13 @@ impl Facts {
         }
     }
 
-    /// Host time of the passes that run, each as of its last run, milliseconds.
+    /// Sum of the host times of the passes that run, each as of its last run, milliseconds.
     #[must_use]
     pub fn frame_ms(&self) -> f64 {
         self.passes.iter().filter(|pass| pass.state == PassState::Runs).map(|pass| pass.times.host_ms).sum()
     }
 
-    /// The pass that writes an output last; for the result, the last pass that writes the window.
+    /// Of the passes that run, the last one that writes an output; for `None`, the last one that writes the result.
     #[must_use]
     pub fn last_writer(&self, output: Option<&str>) -> Option<&PassFacts> {
         let writes = |pass: &&PassFacts| pass.outputs.iter().any(|written| written.full.as_deref() == output);
@@ -202,7 +202,7 @@ impl Facts {
     }
 }
 
-/// The name of the camera through which the first raster pass sees.
+/// The name of the camera through which the first raster pass sees; without a raster pass, that of the first camera.
 pub(super) fn camera_in_use(renderer: &Renderer) -> String {
     let project = renderer.project();
     if let Some(camera) = &renderer.settings().camera {

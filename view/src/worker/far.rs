@@ -23,7 +23,7 @@ pub(super) struct Task {
     pub settings: Settings,
     /// The window's choice of engines.
     pub choice: Choice,
-    /// Samples that the window's picture has accumulated; `None` if it has not accumulated any.
+    /// Samples per point that the window's picture has accumulated; `None` if it has not accumulated any.
     pub samples: Option<u32>,
     pub source: Source,
 }
@@ -32,7 +32,7 @@ pub(super) struct Task {
 pub(super) enum Source {
     /// Pictures by other engines.
     Engines(On, Vec<(usize, What)>),
-    /// The reference of the picture.
+    /// The reference of the result, for the side of this index.
     Reference(usize),
 }
 
@@ -46,10 +46,10 @@ impl Source {
     }
 }
 
-/// The result of a thread: pictures by side; `None` if the job was given up.
+/// The result of a thread: what was obtained for each side, with the side's index; `None` if the job was given up.
 pub(super) type Made = Option<Vec<(usize, Obtained)>>;
 
-/// A thread that makes sides.
+/// A thread that makes pictures for sides of a comparison.
 pub(super) struct Job {
     pub sides: Vec<usize>,
     stop: Stop,
@@ -75,7 +75,7 @@ impl Stop {
         }
     }
 
-    /// Makes this renderer stop too; at once if the request was made before.
+    /// Makes requests to stop cancel this renderer, too; cancels it at once if a request was made before.
     fn adopt(&self, renderer: &Renderer) {
         *self.renderer() = Some(renderer.cancellation());
         if self.asked.is_cancelled() {
@@ -224,7 +224,7 @@ fn on_engines(
     Ok(pictures)
 }
 
-/// The reference of the picture: a stored one, or one rendered with the smallest valid number of samples.
+/// The reference of the result: a stored one, or one rendered with the smallest valid number of samples.
 fn reference(task: &Task, stop: &Stop, teller: &mut Teller<'_>) -> Result<Obtained, String> {
     if task.settings.crop.is_some() {
         return Err("references are of whole pictures; leave --crop out".to_owned());

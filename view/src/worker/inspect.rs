@@ -8,7 +8,7 @@ use curitiba::pipeline::image::Image;
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Rays that leave the scene are drawn this long, as a share of the scene's radius.
+/// Rays that hit nothing are drawn at most this long, as a share of the scene's radius.
 const OPEN: f32 = 0.25;
 
 /// The values and rays of the passes at a pixel.
@@ -16,7 +16,7 @@ const OPEN: f32 = 0.25;
 pub struct PixelRays {
     /// Column and row from the top left.
     pub pixel: [u32; 2],
-    /// The value of each output there: pass, output, value.
+    /// The value of each output at this pixel: pass, output, value.
     pub values: Vec<(String, String, [f32; 4])>,
     /// The lines of `curitiba render --pixel` about rays.
     pub lines: Vec<String>,
@@ -24,7 +24,7 @@ pub struct PixelRays {
     pub segments: Vec<Segment>,
 }
 
-/// A ray from its origin to its hit.
+/// A ray from its origin to its hit, or to where its drawing ends if it hits nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
     /// `shadow`, `occlusion`, `reflected` or `refracted`.

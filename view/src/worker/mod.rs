@@ -42,8 +42,8 @@ use std::time::{Duration, Instant};
 /// Value of [`State::not_refined`] if no pass takes samples.
 pub const NO_SAMPLES: &str = "no pass takes samples";
 
-/// A frame that has taken longer than this is cancelled when its settings change. A shorter one is finished and shown, so that dragging a
-/// slider always shows something.
+/// A frame that has taken longer than this is cancelled when a parameter changes or a pass is switched on or off. A shorter one is finished
+/// and shown, so that dragging a slider always shows something.
 const PATIENCE: Duration = Duration::from_millis(250);
 
 /// The project to show, with its settings, as the command line names them.
@@ -86,7 +86,7 @@ pub enum Command {
     Engines(Choice),
     /// Shows the output with this full name; `None` shows the result.
     Show(Option<String>),
-    /// Shows the values and rays of a pixel of the shown picture, column and row from the top left; `None` ends this.
+    /// Shows the values and rays of a pixel of the shown picture, column and row from the top left; `None` shows them no longer.
     Pixel(Option<[u32; 2]>),
     /// Compares the left picture with the right one, its reference; `None` ends the comparison.
     Compare(Option<Box<[Side; 2]>>),
@@ -147,22 +147,22 @@ pub enum Activity {
     Resting,
     /// Rendering is paused by the user.
     Paused,
-    /// There is nothing to render; [`State::error`] says why.
+    /// The project could not be opened, or the thread has ended by a fault; [`State::error`] says why.
     Failed,
 }
 
 /// Accumulation of samples of the shown picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
-    /// Samples per point.
+    /// Number of samples per point so far.
     pub samples: u64,
-    /// Number of samples at which accumulation ends.
+    /// Number of samples per point at which accumulation ends.
     pub goal: u64,
-    /// Standard error, root mean square over the pixels: `docs/library.md`. NaN before the second batch.
+    /// Largest standard error of a pass, as root mean square over its pixels: `docs/library.md`. NaN before the second batch.
     pub error: f64,
 }
 
-/// The thread's state, as the window shows it. Cheap to copy.
+/// The thread's state, as the window shows it. Cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct State {
     /// The project and its passes; `None` until it is open.
@@ -177,11 +177,11 @@ pub struct State {
     pub incomparable: Option<String>,
     /// The current step of the renderer that makes a side.
     pub doing: Option<Doing>,
-    /// The rays of a pixel.
+    /// Values and rays of the pixel, as last collected; `None` if no pixel is asked for or none was collected yet.
     pub pixel: Option<Arc<PixelRays>>,
     /// Times of the last frames.
     pub history: Arc<History>,
-    /// Progress of accumulating more samples than the project asks for.
+    /// Progress of accumulating samples; `None` if no accumulation was begun for the present settings and camera.
     pub refinement: Option<Refinement>,
     /// Why no more samples are accumulated than the project asks for.
     pub not_refined: Option<String>,
@@ -195,7 +195,7 @@ pub struct State {
     pub frames: u64,
     /// Number of commands that were taken, each counted after the step that follows it.
     pub taken: u64,
-    /// Time from the last command that cancelled a frame to when the thread took up commands again: the duration of the cancellation.
+    /// Duration of the last cancellation of a step: from the command that caused it to when the thread took up commands again.
     pub gave_up_after: Option<Duration>,
 }
 
@@ -231,7 +231,7 @@ struct Busy {
     cancellation: Cancellation,
     /// When the step became cancellable; `None` if it may not be cancelled.
     since: Option<Instant>,
-    /// When it was cancelled.
+    /// When the step was cancelled; `None` if it was not.
     given_up: Option<Instant>,
 }
 
@@ -285,7 +285,7 @@ impl Worker {
         }
     }
 
-    /// Number of commands sent. All of them are done once [`State::taken`] has reached it.
+    /// Number of commands sent. All of them are done once [`State::taken`] has reached this number.
     #[must_use]
     pub fn sent(&self) -> u64 {
         self.sent.load(Ordering::Relaxed)

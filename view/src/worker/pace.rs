@@ -27,7 +27,8 @@ pub(super) struct Lets {
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     level: usize,
-    /// Of the latest frames, all too slow: the shortest duration, and their number. `quick` is the number of frames that left room for more.
+    /// Shortest duration and number of the latest consecutive frames that were too slow; `None` if the last one was not. `quick` is the number
+    /// of the latest consecutive frames that were fast enough for the next better level.
     slow: Option<(Duration, u32)>,
     quick: u32,
 }
@@ -38,7 +39,8 @@ impl Pace {
         LEVELS[self.level]
     }
 
-    /// Records the duration of a frame. A single frame may have been delayed by something else: the level changes down after two, up after three.
+    /// Records the duration of a frame. As a single frame may have been delayed by something else, quality falls after two slow frames and rises
+    /// after three quick ones.
     pub fn note(&mut self, took: Duration, lets: Lets) {
         if took > SMOOTH {
             let (best, count) = self.slow.map_or((took, 1), |(best, count)| (best.min(took), count + 1));
@@ -53,7 +55,7 @@ impl Pace {
             return;
         }
         self.slow = None;
-        // The next level takes four times as long, and must stay below the limit too.
+        // The next better level takes about four times as long, and must stay below the limit, too.
         self.quick = if 5 * took < SMOOTH { self.quick + 1 } else { 0 };
         if self.quick == 3 {
             self.quick = 0;

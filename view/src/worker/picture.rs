@@ -26,14 +26,14 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A picture to be compared with the window's picture.
+    /// A picture shown at its own size, with colours as the window's picture has them; for example one from a file.
     #[must_use]
     pub fn of_window(name: impl Into<String>, image: Image, display: Display) -> Self {
         let (shown, whole) = (shown(&image, display), [image.width, image.height]);
         Self { name: name.into(), image, whole, components: ["R", "G", "B", "W"], shown }
     }
 
-    /// The window's picture.
+    /// The result: the window's picture.
     #[must_use]
     pub fn of_result(image: Image, plan: &Plan) -> Self {
         let reduced = plan.settings.preview.is_some_and(|preview| preview.divisor > 1);

@@ -8,7 +8,7 @@ use curitiba::pipeline::executor::{Renderer, Silent};
 use std::sync::Arc;
 
 impl Session {
-    /// Opens the source that the command line names. After a failure, the thread waits for the files to change.
+    /// Opens the source that the command line names. After a failure, the thread waits for a command or a change of the files.
     pub(super) fn open(&mut self) {
         self.opening = false;
         self.shared.change(|state| state.activity = Activity::Opening);
@@ -24,7 +24,7 @@ impl Session {
         }
     }
 
-    /// Opens the project again with other engines. If an engine is not available, nothing changes.
+    /// Opens the project again with other engines. If an engine is not available, the present renderer stays.
     pub(super) fn change_engines(&mut self, choice: Choice) -> Result<(), String> {
         let Some(renderer) = &self.renderer else {
             self.source.choice = choice;
@@ -55,7 +55,7 @@ impl Session {
         self.shared.change(|state| state.error = None);
     }
 
-    /// Computes the bounds again if the scenes have changed.
+    /// Computes the bounds again if the renderer holds other scenes than before.
     pub(super) fn scene_changed(&mut self) {
         let ids: Vec<usize> =
             self.renderer.iter().flat_map(Renderer::scenes).map(|scene| Arc::as_ptr(scene).addr()).collect();

@@ -28,10 +28,10 @@ pub(super) struct Session {
     pub messages: Sender<Message>,
     pub renderer: Option<Renderer>,
     pub choice: Choice,
-    /// Cameras that were moved.
+    /// Names and poses of the cameras that were moved.
     pub poses: Vec<(String, Pose)>,
     pub bounds: Option<Bounds>,
-    /// Addresses of the scenes that `bounds` contains.
+    /// Addresses of the scenes around which `bounds` was computed.
     pub scenes: Vec<usize>,
     pub watch: Watch,
     /// Times of the passes, in the order of the pipeline.
@@ -136,7 +136,7 @@ impl Session {
         self.moved.map(|moved| REST.saturating_sub(moved.elapsed())).or(idle)
     }
 
-    /// Whether the camera has rested long enough.
+    /// Whether the camera moved and has rested for [`REST`] since; false once the move has been ended.
     pub fn rested(&self) -> bool {
         self.moved.is_some_and(|moved| moved.elapsed() >= REST)
     }
@@ -193,7 +193,7 @@ impl Session {
         Ok(())
     }
 
-    /// Stops writing outputs that were written only because they were shown.
+    /// If the result is shown: stops writing outputs that were written only because they were shown before.
     pub fn look_away(&mut self) {
         let wanted = self.looked_at();
         let Some(renderer) = self.renderer.as_mut().filter(|_| self.shown.is_none()) else { return };

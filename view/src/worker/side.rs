@@ -16,7 +16,7 @@ pub enum Side {
         /// The engines.
         on: On,
     },
-    /// A picture of a file.
+    /// A picture from a file.
     File(PathBuf),
     /// A picture that was kept.
     Kept(Arc<Picture>),
@@ -64,13 +64,13 @@ impl Side {
     /// The shown picture, by the window's engines.
     pub const SHOWN: Self = Self::Rendered { what: What::Shown, on: On::Here };
 
-    /// The picture of a pass, or of the result, by the window's engines.
+    /// A picture of the project by the window's engines.
     #[must_use]
     pub fn here(what: What) -> Self {
         Self::Rendered { what, on: On::Here }
     }
 
-    /// Whether another renderer has to make it.
+    /// Whether another renderer than the window's has to make this side.
     #[must_use]
     pub fn is_far(&self) -> bool {
         matches!(self, Self::Reference | Self::Rendered { on: On::Raster(_) | On::Rays(_), .. })
@@ -130,7 +130,7 @@ pub struct Obtained {
     pub picture: Option<Arc<Picture>>,
     /// Times of one frame of the picture; `None` if no frame was timed.
     pub times: Option<Times>,
-    /// Why there is no picture.
+    /// Why there is no picture; `None` also before the side is obtained.
     pub missing: Option<String>,
 }
 
@@ -140,7 +140,7 @@ impl Obtained {
     }
 }
 
-/// Host time of a frame's steps by kind, milliseconds, in order.
+/// Host time of a frame's steps by kind, milliseconds, in the order in which kinds first occur in the frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Times(pub Vec<(StepKind, f64)>);
 

@@ -9,7 +9,7 @@ use super::side::{Obtained, On, Side, Times, What};
 use std::sync::Arc;
 
 impl Session {
-    /// Changes the sides. A side that stays the same, or two sides that are swapped, are not obtained again.
+    /// Changes the sides. A side that stays the same is not obtained again, nor are swapped sides unless another renderer is at work on one.
     pub fn set_sides(&mut self, sides: Option<[Side; 2]>) {
         if let (Some([left, right]), Some([now_left, now_right]), None) = (&self.sides, &sides, &self.job)
             && (left, right) == (now_right, now_left)
@@ -49,7 +49,7 @@ impl Session {
         self.renew_sides(|side| matches!(side, Side::Rendered { .. } | Side::Reference));
     }
 
-    /// After a change of the shown output: the same for sides that follow it.
+    /// After a change of the shown output: sides that show it must be made again, and a thread that makes one is cancelled.
     pub fn looked_elsewhere(&mut self) {
         self.renew_sides(|side| matches!(side, Side::Rendered { what: What::Shown, .. }));
     }
@@ -75,7 +75,7 @@ impl Session {
         sides.filter(move |(index, side)| self.sides_due[*index] && side.is_far() == far)
     }
 
-    /// Whether a side is due that this renderer or a file gives.
+    /// Whether a side is due that needs no other renderer.
     pub fn near_due(&self) -> bool {
         self.due(false).next().is_some()
     }
@@ -90,7 +90,7 @@ impl Session {
         self.sides.iter().flatten().any(Side::is_far)
     }
 
-    /// Outputs that must be in host memory: those named by the command line, the shown one, and those of the sides.
+    /// Outputs that must be in host memory: those named by the command line, the shown one, and those of sides by the window's engines.
     pub fn looked_at(&self) -> Vec<String> {
         let mut names = self.source.settings.show.clone();
         let of_sides = self.sides.iter().flatten().filter_map(|side| match side {

@@ -14,9 +14,9 @@ use curitiba::pipeline::project::{PassKind, Pose};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Samples in the first batch.
+/// Samples per point in the first batch.
 const FEW: u32 = 4;
-/// Most samples in a batch, so that a batch never delays other work for long.
+/// Greatest number of samples per point in a batch, so that a batch does not delay other work for long.
 const BATCH: u64 = 16;
 /// Least number of samples at which accumulation at rest ends. A power of two, at which the picture equals that of all samples at once.
 const GOAL: u64 = 256;
@@ -210,7 +210,7 @@ impl Session {
         self.shared.change(|state| (state.refinement, state.error, state.compared) = (None, None, None));
     }
 
-    /// Ends the move: everything is rendered again at full quality. Returns the reduction that was in effect.
+    /// Ends the move: everything is rendered again at full quality. Returns the reduction that was in effect; `None` if the camera did not move.
     pub fn stop_moving(&mut self) -> Option<Preview> {
         self.moved.take()?;
         let renderer = self.renderer.as_mut()?;
@@ -222,7 +222,8 @@ impl Session {
         left_out
     }
 
-    /// Ends a move after which the camera rests. If possible, samples are then accumulated in batches, otherwise all are taken at once.
+    /// Ends a move after which the camera rests. If possible, samples are accumulated in batches from then on; otherwise a complete frame takes
+    /// all of them.
     fn end_moving(&mut self) {
         self.may_be_given_up();
         let Some(preview) = self.stop_moving() else { return };
@@ -242,7 +243,7 @@ impl Session {
         }
     }
 
-    /// One more batch of samples.
+    /// Accumulates one more batch of samples.
     fn refine(&mut self) {
         self.may_be_given_up();
         let goal = GOAL.max(self.samples_of_settings().next_power_of_two());

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 /// Period of checking the files.
 pub const PERIOD: Duration = Duration::from_millis(500);
 
-/// Time and size of a file, which change when it is written; `None` if the file does not exist.
+/// Time and size of a file, which change when it is written; `None` if the file cannot be found.
 type Stamp = Option<(SystemTime, u64)>;
 
 fn stamp(path: &Path) -> Stamp {
@@ -19,7 +19,7 @@ fn stamp(path: &Path) -> Stamp {
 #[derive(Debug, Default)]
 pub struct Watch {
     files: Vec<(PathBuf, Stamp)>,
-    /// The files as last checked, if any had changed: a file that is still being written changes again.
+    /// Stamps of the files at the last check; `None` if no file had changed by then. A file that is still being written changes again.
     changing: Option<Vec<Stamp>>,
 }
 

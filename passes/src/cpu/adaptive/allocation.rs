@@ -14,16 +14,17 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Paths of a half before the first round, if a half may have this many.
+/// Least number of paths of a half before the first round, if a half may have this many.
 pub(super) const FIRST: u32 = 4;
 
-/// Lower bound on the squared error per path of a pixel, as a share of the mean: its neighbours may have missed rare paths.
+/// Lower bound on a pixel's squared error times its number of paths, as a share of the mean of this product over all pixels: the pixel's
+/// neighbours may have missed rare paths.
 const LEAST: f64 = 0.05;
 
 /// Least number of paths of the whole picture for which an error estimate is trusted: fewer may agree by chance.
 const LEAST_PATHS: f64 = 8192.0;
 
-/// Least and most paths of a round, as shares of the paths before it.
+/// Least and greatest number of paths that a round adds, as shares of the number of paths before the round.
 const ROUND: [f64; 2] = [0.05, 0.5];
 
 /// The 97.7 % quantile of the normal distribution. The error is tested after each round, and must not end the rounds by chance in more than
@@ -44,7 +45,7 @@ pub(super) struct Sampled {
 }
 
 impl Sampled {
-    /// The colour.
+    /// The colour: the mean of all paths.
     pub fn color(&self) -> DVec3 {
         0.5 * (self.sums[0] + self.sums[1]) / f64::from(self.count.max(1))
     }
@@ -77,8 +78,8 @@ pub(super) fn most_of_half(paths: u32) -> u32 {
     1 << (paths / 2).max(2).ilog2()
 }
 
-/// For each pixel, whether its number of paths is doubled; a half gets at most `most`. `reached` is the error after the last round, relative
-/// to the error that was asked for. The pixels are in the order of their index, in a picture of this width.
+/// For each pixel, whether its number of paths is doubled; a half gets at most `most`. `reached` is the bound of the error after the last
+/// round, relative to the error that was asked for. The pixels are in the order of their index, in a picture of this width.
 pub(super) fn doubled(pixels: &[Sampled], width: u32, most: u32, reached: f64) -> Vec<bool> {
     let mut squares: Vec<f64> =
         pixels.par_iter().map(|pixel| square_of_path(pixels, pixel, i64::from(width))).collect();
@@ -120,12 +121,12 @@ fn square_of_path(pixels: &[Sampled], pixel: &Sampled, width: i64) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// What is known of the error.
+/// The error of a picture, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Error {
     /// The root mean square error, as estimated.
     pub estimate: f64,
-    /// Upper bound that the error exceeds in no round, with a probability of 95 %: above the estimate, for the scatter of both.
+    /// Upper bound that the error exceeds in no round, with a probability of 95 %. It is above the estimate, since estimate and true error scatter.
     pub bound: f64,
 }
 
@@ -138,7 +139,7 @@ pub(super) fn error(pixels: &[Sampled]) -> Error {
     }
     let count = pixels.len().max(1) as f64;
     let mean = sum / count;
-    // Relative variance of the sum, twice: the true squared errors scatter alike and independently.
+    // Twice the relative variance of the sum: the true squared errors scatter like the estimated ones, and independently of them.
     let seen = if sum > 0.0 { 2.0 * squares / (sum * sum) } else { 0.0 };
     // The squares of few pixels do not show their own scatter. For normal variables, the mean fourth power is 3 times the squared variance
     // (a pixel whose channels vary together). The last factor keeps the bound above the quantile of the ratio of two such means for one, two
@@ -189,7 +190,7 @@ mod tests {
 
     #[test]
     fn a_pixel_takes_what_plans_count() {
-        // Per pixel: its data, its error, its place in the order, and whether it is doubled. The marks are dropped before.
+        // Per pixel: its data, its error, its place in the order, and whether it is doubled. The marks of stochastic pixels are dropped before.
         let bytes = (size_of::<Sampled>() + size_of::<f64>() + size_of::<usize>() + 1) as u64;
         assert!((bytes..bytes + 8).contains(&curitiba_pipeline::programs::ADAPTIVE_BYTES), "{bytes}");
     }

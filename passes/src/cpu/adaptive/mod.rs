@@ -33,7 +33,7 @@ const PARTS: u64 = 1000;
 /// Pixels that a thread takes at a time.
 const PIXELS: usize = 16;
 
-/// The error that a job asks for, where glass of its scene is stochastic.
+/// The error that a job asks for; `None` if it asks for none, or if no glass of its scene is stochastic.
 pub(super) fn asked(job: &RayJob<'_>) -> Option<f32> {
     let error = job.program.sampled_to(&job.params).filter(|_| job.fidelity == Fidelity::Corrected)?;
     job.program.has_stochastic_glass(&job.params, job.dielectrics).then_some(error)

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 /// How a glass surface splits a ray.
 pub(super) struct Split {
     pub interface: Interface,
-    /// The normal that is used for the split, and the index of the far side over that of the near side.
+    /// The normal that is used for the split, and the refractive index of the far side over that of the near side.
     pub bends: (Vec3, f32),
     pub reflected: Vec3,
     pub refracted: Option<Vec3>,

@@ -60,7 +60,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
                     (direction, weight, counts) = (way, weight * share, true);
                 }
                 SurfaceKind::Clear => {
-                    // `counts` stays as it is: shadow rays already bring the light that falls through a pane.
+                    // A pane does not change whether emitting surfaces count: shadow rays already bring the light that falls through it.
                     (weight, purpose) = (weight * CLEAR, Purpose::Refracted);
                 }
                 SurfaceKind::Glass => {

@@ -1,4 +1,4 @@
-//! The program with every numbered difference mended.
+//! The program in corrected fidelity: it mends the differences that the text of `effects` numbers.
 
 use crate::effects::light::SHADOWED;
 use crate::effects::lights::{Asked, Shading, Way};

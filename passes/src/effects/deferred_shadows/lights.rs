@@ -33,7 +33,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(share)
 }
 
-/// The shading normal of a point that the camera sees; it is no input of the program. Normal maps are read at level 0.
+/// The shading normal of a point that the camera sees, computed because the program does not read the stored one. Normal maps are read at level 0.
 fn normal<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, id: u32, point: &SurfacePoint) -> Vec3 {
     let geometry = &pass.job.scene.geometry;
     if pass.sphere(id).is_some() || geometry.normals.is_empty() {

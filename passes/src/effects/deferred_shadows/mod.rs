@@ -1,7 +1,8 @@
-//! `deferredShadows`: the shadow of a directional light, 0.5 in shadow and 1 in light.
+//! `deferredShadows`: shadows. For one directional light, a pixel is 0.5 in shadow, 1 in light, and in between where a part
+//! of the light's disc is hidden.
 //!
-//! Pixels whose light cosine (the position's `w`) is above 0 trace one shadow ray, or several to the points of the
-//! light's disc. All other pixels are 1, because their colour is dark already.
+//! Only pixels whose light cosine (the position's `w`) is above 0 trace shadow rays: to the light, or to the points of its
+//! disc. All other pixels are 1, because their colour is dark already.
 
 pub mod corrected;
 mod estimate;

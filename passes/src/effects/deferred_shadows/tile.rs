@@ -28,11 +28,11 @@ pub struct Tile {
     turned: [u16; PARTS],
     sketch: Box<Sketch>,
     decided: Box<Decided>,
-    /// Pixels whose rays are traced.
+    /// Lit pixels that show triangles and whose light no sketch decides.
     shown: VisiblePixels,
     /// The first packets are the current tile's; later ones are left from other tiles.
     packets: Vec<Packet>,
-    /// The place of each ray.
+    /// For each ray, its pixel's place in the tile.
     places: Vec<[u8; PACKET]>,
     blocked: Vec<u16>,
 }
@@ -146,8 +146,8 @@ impl Tile {
         rays
     }
 
-    /// Takes what the sketch of a tile decides with certainty, and puts all other pixels into `shown`. Returns the
-    /// number of rays that this replaces.
+    /// Takes the light of those pixels for which the sketch of a tile decides it with certainty, and puts all other lit pixels into
+    /// `shown`. Returns the number of rays that these decisions replace.
     fn decide<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let Self { dark, turned, sketch, decided, shown, .. } = self;
         *turned = sketch.dark;

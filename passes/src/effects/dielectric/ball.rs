@@ -86,13 +86,13 @@ impl Turned {
         self.along(at) > self.cos
     }
 
-    /// Where it meets the sphere.
+    /// Where the ray meets the sphere.
     #[must_use]
     pub fn entry(&self) -> DVec2 {
         DVec2::new(self.sin, -self.cos)
     }
 
-    /// Where it leaves the sphere.
+    /// Where the ray leaves the sphere.
     #[must_use]
     pub fn exit(&self) -> DVec2 {
         self.sin * DVec2::new(self.direction.y, -self.direction.x) + self.cos * self.direction
@@ -298,8 +298,9 @@ fn at_node(node: usize) -> f64 {
     FRAC_PI_2 * node as f64 / CELLS as f64
 }
 
-/// The root of a function between two places at which its signs differ; `first` has its sign at the first place. Takes Newton's steps where
-/// there is a derivative, else secants, and bisects where a step leaves the interval. Ends where the function is at most `tolerance`.
+/// The root of a function between two places at which its signs differ; `first` has the function's sign at the first place. Takes Newton's steps
+/// where there is a derivative, else secants, and bisects where a step leaves the interval. Ends where the function's absolute value is at most
+/// `tolerance`, at the latest after 60 steps.
 fn root(
     [mut low, mut high]: [f64; 2],
     first: f64,

@@ -4,7 +4,7 @@ use super::media::Media;
 use crate::trace::Purpose;
 use glam::Vec3;
 
-/// One of the two ways on from a surface.
+/// One of the two ways on from a surface: reflected, or through it.
 #[derive(Clone, Copy)]
 pub(super) struct Branch<K> {
     pub(super) purpose: Purpose,

@@ -71,7 +71,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let at = DVec2::new(across.length(), along);
             let side = across.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
             let plane = Plane { side, axis };
-            // Another point of the light's disc turns everything about the centre, so the blur grows with the distance from it.
+            // For another point of the light's disc the rays are turned about the sphere's centre, so the blur grows with the distance from it.
             let width = WIDTH.max(from.length() * blur);
             ball.bundles(at, width, self.kept(lens), |bundle| {
                 if facing.dot(plane.vector(&bundle, bundle.ray.direction).as_vec3()) < 0.0 {

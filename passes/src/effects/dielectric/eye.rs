@@ -8,10 +8,10 @@ use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
 use glam::Vec3;
 
-/// Surfaces that are looked at, at most: a line through a scene of any size meets fewer.
+/// Greatest number of surfaces that are looked at along a line; later ones are ignored.
 const MOST: u32 = 4096;
 
-/// Along no axis, no diagonal and no likely edge.
+/// Direction of the line from a point: along no axis, no diagonal and no likely edge.
 const DIRECTION: Vec3 = Vec3::new(0.352_071, 0.631_593, 0.690_733);
 
 /// The bodies of glass that the camera is in.

@@ -5,7 +5,7 @@ use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::scene::{Geometry, Sphere};
 use glam::{DVec3, Vec3};
 
-/// Greatest number of spheres that focus light: each of them is tested at every lit point.
+/// Greatest number of glass spheres of an index above 1 with which light is focused: each that focuses it is tested at every lit point.
 pub const MOST_LENSES: usize = 1024;
 
 /// A sphere of glass that focuses light.
@@ -38,7 +38,7 @@ impl Lenses {
     /// also lies in another body of glass.
     ///
     /// # Errors
-    /// If they are more than 1024.
+    /// If the scene has more than 1024 spheres that are such bodies, whether or not they stand alone.
     pub fn of(geometry: &Geometry, dielectrics: &[Dielectric], in_body: impl Fn(Vec3) -> bool) -> Result<Self, String> {
         let first = geometry.triangles.len() as u32;
         let is_body = |material: u32| dielectrics[material as usize].shape == Shape::Solid;
@@ -95,7 +95,7 @@ impl Lenses {
         &self.balls
     }
 
-    /// The place of a sphere's index among [`Self::balls`].
+    /// The place in [`Self::balls`] of the refraction by a lens.
     #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn ball_of(&self, lens: &Lens) -> usize {

@@ -5,7 +5,7 @@
 //! through. `ball` is parallel light in a sphere, `lenses` are the spheres that focus it, and `caustic` is the light that this adds to
 //! surfaces. `targets` are the meshes that focus light, and `photon_map` is the light that landed. `variant` says what device programs
 //! support, and `ways` which ways are followed. `branch` is a way on from a surface, `limits` says where it is not followed, and `facets`
-//! are those of a rough surface. `walk` follows paths, `solid` is the surface of a body, and `photons` follows light to surfaces. May use:
+//! are the microfacets of a rough surface. `walk` follows paths, `solid` is the surface of a body, and `photons` follows light to surfaces. May use:
 //! the modules about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body: the factor cancels where light leaves again, and the light that falls

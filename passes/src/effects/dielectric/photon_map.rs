@@ -115,7 +115,7 @@ impl Cloud {
         Ok(cloud)
     }
 
-    /// Cells are as wide as a disc: a disc touches two of them along each axis.
+    /// Number of cells in a scene unit. Cells are as wide as a disc, so a disc touches at most two of them along each axis.
     fn cells_a_unit(&self) -> f32 {
         0.5 / self.radius
     }

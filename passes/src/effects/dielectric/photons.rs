@@ -1,8 +1,9 @@
 //! Shoots photons at the bodies of glass meshes, and lights surfaces by them.
 //!
-//! The photons of a target start on a disc across the light that covers the target, each with the light of an equal part of the disc. A photon
-//! whose first surface is not the target's is dropped: its light meets no target first, or is brought by the photons of another one. So photons
-//! bring exactly the light that meets a body of glass first. In return these bodies stop straight light ([`Pass::focuses`]).
+//! The photons of a target start on a disc across the light that covers the target, each with the light of an equal part of the disc. Glass that is
+//! no target lets them straight on to their first surface. If this is not the target's, the photon is dropped: its light meets no target first, or
+//! is brought by the photons of another one. So photons bring exactly the light that meets a target first. In return targets stop straight light
+//! ([`Pass::focuses`]).
 //!
 //! At each surface of a body a photon goes one of both ways, with the way's share as its probability. So its power changes by absorption and
 //! filters alone. Thin glass lets it straight on, as it does straight light. A photon ends at the first surface that is not glass. All of its
@@ -35,8 +36,8 @@ use std::cell::Cell;
 /// Photons that a thread takes at a time.
 const PART: usize = 1 << 12;
 
-/// A photon's power is divided by its cosine for the light across its direction. This is the least cosine taken: for smaller ones, that light
-/// would have no bound.
+/// The irradiance across a photon's direction is its power divided by its cosine at the surface. This is the least cosine that is taken: for
+/// smaller ones, that irradiance would have no bound.
 const GRAZING: f32 = 0.05;
 
 /// How the path of a photon ends.

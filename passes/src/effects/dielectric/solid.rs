@@ -12,7 +12,7 @@ use crate::trace::{Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Stratum};
 use glam::Vec3;
 
-/// The wavelength to which an index without a wavelength belongs, nanometres.
+/// The wavelength in nanometres at which materials state their index: the Fraunhofer line d.
 const REFERENCE: f32 = 587.6;
 
 /// Both ways on from a surface, for light of one wavelength.
@@ -197,7 +197,7 @@ where
             let mut back = *weight * (reflectance * kept[0]) * dielectric.mirrors();
             let mut through = *weight * ((1.0 - reflectance) * kept[1]) * filter;
             if refracted.is_some() && !splits {
-                // Beyond the depth light goes through, with the weight of both.
+                // Beyond the depth all light goes through, with the weight of both ways.
                 (back, through) = (Vec3::ZERO, back + through);
             }
             let own = Path { wavelength: Some(*wavelength), ..path };
@@ -211,7 +211,7 @@ where
             match &mut together {
                 None => together = Some(branch),
                 Some(first) if first.direction == mirrored => first.weight += back,
-                // Reflected by another normal, which few surfaces have.
+                // Reflected by another normal than the first wavelength, as at few surfaces.
                 Some(_) => color += self.split(met.surface, Some(branch), None, own, work),
             }
             if let Some(direction) = refracted {
@@ -260,7 +260,7 @@ where
             let mut back = weight * (reflectance * kept[0]) * dielectric.mirrors();
             let mut through = weight * ((1.0 - reflectance) * kept[1]) * filter;
             if refracted.is_some() && !splits {
-                // Beyond the depth light goes through, with the weight of both.
+                // Beyond the depth all light goes through, with the weight of both ways.
                 (back, through) = (Vec3::ZERO, back + through);
             }
             // The importance is without the weight of the wavelength: how few ways stand for the whole spectrum does not decide what is cut off.
@@ -268,7 +268,7 @@ where
             if mirrored == together.direction {
                 together.weight += back;
             } else {
-                // Reflected by another normal, which few surfaces have.
+                // Reflected by another normal than light of [`REFERENCE`], as at few surfaces.
                 let branch = Branch { direction: mirrored, weight: back, cone: cones[0], ..together };
                 color += self.split(met.surface, Some(branch), None, own, work);
             }

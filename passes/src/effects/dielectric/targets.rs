@@ -28,7 +28,7 @@ pub struct Target {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Targets {
     list: Vec<Target>,
-    /// By triangle: its target.
+    /// For each triangle the number of its target, or [`NONE`]. Empty without targets.
     of: Vec<u16>,
 }
 
@@ -90,13 +90,13 @@ impl Targets {
         Self { list, of }
     }
 
-    /// All of them.
+    /// All targets.
     #[must_use]
     pub fn list(&self) -> &[Target] {
         &self.list
     }
 
-    /// The number of the target that a triangle belongs to.
+    /// The number of the target that a triangle belongs to; `None` for other triangles and for spheres.
     #[inline]
     #[must_use]
     pub fn at(&self, id: u32) -> Option<usize> {

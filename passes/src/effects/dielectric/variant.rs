@@ -5,7 +5,7 @@ use curitiba_pipeline::glass::{Dielectric, GlassShadow, MOST_STRATA};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use glam::Vec3;
 
-/// How a device program was written for a job.
+/// What a device program that was written for a job supports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Variant {
     /// In a fidelity, with the report's panes.
@@ -17,7 +17,7 @@ pub enum Variant {
 }
 
 impl Variant {
-    /// The programs that have variants for bodies. `reflection` knows a background anyway, and the others see no glass.
+    /// The programs that have variants for bodies. `reflection` supports a background in every variant, and the other device programs show no glass.
     pub const OF_BODIES: [RayProgram; 2] = [RayProgram::Refraction, RayProgram::Final];
 
     /// The variant that a job needs.
@@ -67,7 +67,7 @@ fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
     disperses(params, dielectrics) || is_rough(dielectrics) || own || cut
 }
 
-/// Refuses light that spheres or photons focus, which device programs do not support.
+/// Refuses light that spheres or photons focus, for a backend whose programs do not support it.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`], with what would help.

@@ -23,9 +23,9 @@ pub const MOST_SURFACES: u32 = 128;
 pub(super) struct Path<K> {
     /// The bodies before the surface.
     pub(super) media: Media,
-    /// Surfaces of glass met before.
+    /// Number of glass surfaces met before.
     pub(super) surfaces: u32,
-    /// How often it was split.
+    /// How often the path was split in two.
     pub(super) splits: u32,
     pub(super) key: u32,
     /// The wavelength of its light, nanometres; `None` until a body has dispersed it.
@@ -34,7 +34,7 @@ pub(super) struct Path<K> {
     pub(super) sample: Option<u32>,
     /// The share of the pixel's colour that depends on it; raised where Russian roulette has decided about the path.
     pub(super) importance: f32,
-    /// Reflections and refractions before.
+    /// Numbers of reflections and of refractions before.
     pub(super) bounces: [u32; 2],
     /// Its cone at the surface.
     pub(super) cone: K,
@@ -196,7 +196,7 @@ where
         self.split(surface, Some(mirrored), through, path, work)
     }
 
-    /// Whether a surface is rough, and the path has not been divided by one.
+    /// Whether a surface is rough and divides the path, because nothing has divided it before.
     pub(super) fn scatters(&self, met: Met<'_, FootprintOf<C>>, dielectric: &Dielectric, path: Path<C::Cone>) -> bool {
         let may = dielectric.alpha > 0.0 && path.sample.is_none() && !self.pass.facets.is_empty();
         may && self.pass.alpha(met.hit, met.footprint, dielectric) > 0.0
@@ -308,7 +308,7 @@ where
         let cone = path.cone.along(hit.t);
         let footprint = self.pass.footprint(cone, &hit, direction);
         let surface = self.pass.surface_hit(&ray, &hit, footprint);
-        // From surface to surface: the ray starts a little off its own.
+        // Measured from surface to surface, because the ray starts a little off its own surface.
         let length = (surface.position() - at.position()).dot(direction).max(0.0);
         let kept = transmittance(extinction, length);
         kept * if self.pass.is_glass(hit.triangle) {

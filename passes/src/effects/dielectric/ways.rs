@@ -18,7 +18,8 @@ pub(in crate::effects) trait Ways: Copy {
     /// The numbers of the ways on from rough glass that are followed; `all` is how many the pass asks for.
     fn numbers(&self, all: u32) -> Range<u32>;
 
-    /// The point that chooses the microfacet which a way meets at the surface of this key. `points` are those of the pass.
+    /// The point that chooses the microfacet which a way meets at the surface of this key. `points` are those of the pass. `None` if the way has
+    /// no point.
     fn facet(&self, points: &[[u32; 2]], way: u32, key: u32) -> Option<Vec2>;
 
     /// Which of `count` parts of the spectrum a way has at the surface of this key.
@@ -27,7 +28,7 @@ pub(in crate::effects) trait Ways: Copy {
     /// The key of the random numbers that are drawn where a path ends; `way` is the path's number, where it was divided.
     fn own_key(&self, key: u32, way: Option<u32>) -> u32;
 
-    /// Notes that glass is stochastic.
+    /// Notes a stochastic event of the path.
     fn note(&self, met: Met);
 }
 
@@ -101,9 +102,9 @@ impl Ways for AllWays {
 pub struct Sample<'m> {
     /// Which half: 0 or 1.
     pub half: u32,
-    /// The first way.
+    /// Number of the first way.
     pub first: u32,
-    /// How many ways the first surface divides the path into.
+    /// Number of ways into which the first surface that divides the path divides it.
     pub ways: u32,
     /// Position of the pixel's way 0 in the sequence.
     pub offset: u32,

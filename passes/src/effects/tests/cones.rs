@@ -397,7 +397,7 @@ fn first_and_rest(texels: [[u8; 4]; 2]) -> Texture {
     texture
 }
 
-/// A camera before a square, 1 from it and 1 wide, whose middle the picture shows; and the number of texels along a pixel.
+/// A camera at the distance 1 from a square of the side 1, of which the picture shows the middle; and the number of texels along a pixel.
 const SQUARE: (Camera, f32) =
     (Camera { eye: Vec3::Z, towards: Vec3::ZERO, count: 12, pixel: 0.01, shift: DVec2::ZERO }, (SIDE as f32) * 0.01);
 

@@ -86,7 +86,7 @@ fn each_light_throws_a_shadow_that_the_others_fill() {
     let [red, blue] = [(-1.0, Vec3::X), (1.0, Vec3::Z)].map(|(x, color)| lamp(Vec3::new(x, 0.0, 4.0), color * 9.0));
     let mut world = floor(&[red, blue]);
     world.quad(0, Vec3::Z * 2.0, Vec3::X * 0.4, Vec3::Y * 0.4);
-    // The lamps displace the shadow, of half side 0.8, by one unit to the other side.
+    // The shadow of each lamp has half side 0.8, and lies one unit off the middle, on the side of the other lamp.
     let in_shadow = |point: Vec3, x: f32| (point.x - x).abs().max(point.y.abs()) - 0.8;
     let mut kinds = [0; 4];
     for (point, found) in points().zip(shares(&world, points())) {
@@ -310,7 +310,7 @@ fn what_is_not_known_of_several_lights_is_refused() {
     refused(Whitted, Corrected, plain);
     let job = shot.job(DeferredShadows, Corrected, plain);
     assert!(crate::cpu::check::scene("cpu", &job, true).is_ok());
-    // One directional light is prepared as before.
+    // A single directional light is still prepared as `to_light`.
     let sun = World { sun: Some(Sun { direction: Vec3::NEG_Z, color: SUN_COLOR }), ..floor(&[]) };
     let shot = Shot::of(&sun, EYE, points());
     let job = shot.job(DeferredShadows, Corrected, plain);

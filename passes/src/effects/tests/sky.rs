@@ -128,7 +128,7 @@ fn the_nearest_hit_may_be_on_the_sky_and_no_other_query_finds_it() {
     );
     assert!(asked > 0, "a sky with holes is asked about");
     assert!(!tree.occluded(&up, |_| true) && tree.any(&up, |_| true).is_none());
-    // The block is nearer than the sky; behind the end of the ray neither counts.
+    // The block is nearer than the sky; a sky beyond the end of a ray is not hit.
     let down = Ray { origin: Vec3::new(0.0, 3.0, 0.0), direction: Vec3::NEG_Y, ..up };
     assert_eq!(tree.closest(&down, |_| true).map(|hit| (hit.t, sky.contains(hit.triangle))), Some((2.0, false)));
     assert!(tree.occluded(&down, |_| true));

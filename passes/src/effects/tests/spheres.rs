@@ -161,7 +161,7 @@ fn a_mirror_sphere_shows_what_lies_in_the_mirrored_direction() {
         let at = Vec3::from_slice(&shot.position[index]).as_dvec3();
         let view = (at - eye.as_dvec3()).normalize();
         let mirrored = view - 2.0 * view.dot(normal) * normal;
-        // The mirrored ray meets the wall with the least distance along the axes.
+        // Of the six walls, which are perpendicular to the axes, the mirrored ray meets the one at the least distance.
         let to = |axis: &Vec3| (50.0 - at.dot(axis.as_dvec3())) / mirrored.dot(axis.as_dvec3());
         let mut walls: Vec<(f64, usize)> = axes.iter().map(to).zip(0..).filter(|(t, _)| *t > 0.0).collect();
         walls.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -29,7 +29,7 @@ pub struct World {
     pub bodies: bool,
 }
 
-/// The light that most worlds have.
+/// The colour of the light that most worlds have.
 pub const SUN_COLOR: Vec3 = Vec3::new(0.9, 0.8, 0.7);
 
 impl World {

@@ -118,7 +118,7 @@ pub(super) struct Fill<'a> {
     pub cuts: &'a [bool],
     /// By material: whether it is left out; materials beyond the list are drawn.
     pub hidden: &'a [bool],
-    /// By material: whether back faces are culled.
+    /// By material: whether back faces are culled; those of materials beyond the list are not.
     pub culled: &'a [bool],
     pub triangles: Range<usize>,
     /// Index of the bin in the draw.
@@ -163,8 +163,8 @@ impl Kernel for Fill<'_> {
                     clip::clip(self.projection, triangle, positions, |part| {
                         let corners = part.corners.each_ref();
                         let pixels = Bounds::of(&corners, (0, 0), high);
-                        // The last index of 16 bits is reserved: in the last bin it would be [`Part::NONE`]. Drawings
-                        // never have so many clipped parts.
+                        // The last index of 16 bits is reserved: in the last bin it would be [`Part::NONE`]. A bin has at
+                        // most 65,536 clipped parts, so at most one part is dropped.
                         let room = clipped.len() < usize::from(u16::MAX);
                         if room && !pixels.is_empty() && is_seen(&corners) {
                             bins.push(grid, &pixels, Part::clipped(self.index, clipped.len(), cut));

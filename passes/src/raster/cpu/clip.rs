@@ -11,7 +11,7 @@ pub(super) struct ClippedTriangle {
     pub corners: [ScreenVertex; 3],
     /// Barycentric coordinates in the whole triangle (of its corners 1 and 2), for each corner.
     pub weights: [[f32; 2]; 3],
-    /// The whole triangle.
+    /// Index of the whole triangle.
     pub triangle: u32,
 }
 
@@ -76,7 +76,8 @@ impl Polygon {
     }
 }
 
-/// Calls `emit` with the parts of a triangle that lie between the near and the far plane, and near the viewport.
+/// Calls `emit` with the parts of a triangle that lie between the near and the far plane, near the viewport and in front
+/// of [`Projection::plane`].
 pub(super) fn clip(
     projection: &Projection,
     triangle: u32,

@@ -1,4 +1,4 @@
-//! The inputs that all stages of a draw read.
+//! Parts of triangles, and the inputs of the stage that draws tiles.
 
 use super::clip::ClippedTriangle;
 use super::vertex::ScreenVertex;
@@ -11,7 +11,7 @@ pub(super) const BIN_TRIANGLES: usize = 8192;
 /// Greatest number of triangles in a scene, limited by the bits of [`Part`].
 pub(super) const MAX_TRIANGLES: usize = BIN_TRIANGLES << 14;
 
-/// A drawn part of a triangle in 32 bits: a whole triangle, or a part that clipping left of it.
+/// A part of a triangle that is drawn, in 32 bits: the whole triangle, or one of the parts that remain after clipping.
 ///
 /// Bit 31 marks a clipped part: bits 16..30 are the bin that clipped it, and bits 0..16 its index in that bin. For a
 /// whole triangle, bits 0..30 are the triangle. Bit 30 marks parts whose alpha is tested.
@@ -39,7 +39,7 @@ impl Part {
         self.0 & Self::CUT != 0
     }
 
-    /// The triangle, or for a clipped part its bin and index as the error.
+    /// The index of a whole triangle; for a clipped part, its bin and its index in that bin as the error.
     #[inline(always)]
     fn decode(self) -> Result<u32, (usize, usize)> {
         let value = self.0 & !Self::CUT;
@@ -56,9 +56,9 @@ impl Part {
 pub(super) struct Frame<'a> {
     pub job: &'a RasterJob<'a>,
     pub geometry: &'a Geometry,
-    /// One for each position.
+    /// The scene's vertices on the screen, one for each position.
     pub vertices: &'a [ScreenVertex],
-    /// The clipped parts of each bin of the whole draw.
+    /// By bin, over all rounds of the draw: the bin's clipped parts.
     pub clipped: &'a [Vec<ClippedTriangle>],
 }
 
@@ -69,7 +69,7 @@ pub(super) type Corners<'a> = [&'a ScreenVertex; 3];
 pub(super) struct Placed<'a> {
     pub corners: Corners<'a>,
     pub triangle: u32,
-    /// Set if `corners` belong to a clipped part.
+    /// The clipped part to which `corners` belong; `None` for a whole triangle.
     pub clipped: Option<&'a ClippedTriangle>,
 }
 

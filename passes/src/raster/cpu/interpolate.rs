@@ -23,7 +23,7 @@ pub(super) struct Barycentric {
     pub(super) inv_w: [f32; 3],
 }
 
-/// Fractions of sub-pixel units in a pixel.
+/// Number of [fractions](FINE) of sub-pixel units in a pixel.
 const PIXEL: i32 = UNITS * FINE;
 
 impl Barycentric {
@@ -36,7 +36,7 @@ impl Barycentric {
         let pixel = f64::from(PIXEL);
         let (mut edges, mut scale) = ([y0 * x2 - x0 * y2, y1 * x0 - x1 * y0], 1.0 / area);
         let mut steps = [[y2 * pixel, -y1 * pixel], [-x2 * pixel, x1 * pixel]];
-        // Without snapping this triangle has no area, so no pixel is inside it.
+        // The triangle has no area before snapping, so no pixel is inside it: every edge function is negative.
         if area == 0.0 {
             (edges, scale, steps) = ([-1.0; 2], 1.0, [[0.0; 2]; 2]);
         }
@@ -66,8 +66,8 @@ impl Barycentric {
         [c0 as f32 * this.inv_w[0], c1 as f32 * this.inv_w[1], c2 as f32 * this.inv_w[2]]
     }
 
-    /// The mapping of texture coordinates and a texture of size `size`, for a filter over a square of side `footprint`
-    /// (pixels).
+    /// The mapping of a texture of size `size` by the texture coordinates `corners`, for a filter over a square of side
+    /// `footprint`, in pixels.
     #[inline(always)]
     pub(super) fn mapping(&self, corners: [Vec2; 3], size: Vec2, footprint: f32) -> Mapping {
         let slope = |step: [f64; 2]| step.map(|step| (step * self.scale) as f32 * footprint);
@@ -108,7 +108,7 @@ pub(super) fn nearest(frame: &Frame<'_>, corners: &Corners<'_>, x: i32, y: i32) 
 pub(super) struct Mapping {
     /// Texture coordinates at the corners.
     pub(super) corners: [Vec2; 3],
-    /// Change of the screen-space coordinates of corners 1 and 2 for one filter width to the right, and one down.
+    /// Change of the screen-space barycentric coordinates of corners 1 and 2 for one filter width to the right, and one down.
     pub(super) right: [f32; 2],
     pub(super) down: [f32; 2],
     /// Size of level 0 in texels.
@@ -123,8 +123,8 @@ impl Mapping {
         a + (b - a) * u + (c - a) * v
     }
 
-    /// Where a repeating texture is read at a pixel, and the level of detail. With screen-space coordinates `l_k`,
-    /// which are linear, `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`. Its derivatives are
+    /// Where a repeating texture is read at a pixel, and the level of detail. With screen-space barycentric coordinates
+    /// `l_k`, which are linear on the screen, `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`. The derivatives of `uv` are
     /// `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
     #[inline(always)]
     pub(super) fn at(&self, Perspective { u, v, inv_sum }: Perspective, inv_w: [f32; 3]) -> (Place, f32) {
@@ -144,7 +144,7 @@ pub(super) struct Perspective {
     /// Coordinate of corner 1; `v` is that of corner 2.
     pub(super) u: f32,
     pub(super) v: f32,
-    /// Reciprocal of the sum of the weights.
+    /// Reciprocal of the sum of the three screen-space coordinates, each times its `1 / w`.
     pub(super) inv_sum: f32,
 }
 

@@ -4,13 +4,13 @@
 //!
 //! 1. `vertex`: every vertex is projected and snapped to 1/256 pixel.
 //! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Triangles that need it are
-//!    clipped; triangles that contain no pixel centre are dropped.
+//!    clipped; triangles whose bounding box contains no pixel centre are dropped.
 //! 3. `tile`: each tile finds the nearest triangle of each pixel, and shades each pixel once; `spheres` draws exact
 //!    spheres over the triangles.
 //!
 //! Stages 2 and 3 run in several rounds for scenes of many triangles, which bounds the memory of the bins; tiles keep
-//! their depths from round to round. A draw allocates nothing if a draw of the same size came before. The result is the
-//! same bit for bit for every number of threads and every instruction set.
+//! their depths from round to round. A draw without spheres allocates nothing if it repeats an earlier draw. The result
+//! is the same bit for bit for every number of threads and every instruction set.
 
 mod bins;
 mod check;
@@ -58,10 +58,10 @@ const VERTEX_RUN: usize = 1024;
 /// bins, so that all threads get some.
 const ROUND: usize = 64;
 
-/// Least number of triangles in a bin, unless the scene has fewer.
+/// Least number of triangles in a bin; only the last bin may have fewer.
 const MIN_BIN: usize = 512;
 
-/// How long each stage of a draw took.
+/// Time that each stage of a draw took.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stages {
     /// Projecting the vertices.
@@ -79,9 +79,9 @@ pub struct CpuRasteriser {
     cuts: Vec<bool>,
     bins: Vec<Bins>,
     clipped: Vec<Vec<ClippedTriangle>>,
-    /// One for each thread in draws of one round, otherwise one for each tile.
+    /// Depths and visible parts: one tile for each thread in draws of one round, otherwise one for each tile of the picture.
     tiles: Vec<Mutex<Tile>>,
-    /// One for each thread.
+    /// One row for each thread, in which the thread shades.
     rows: Vec<Mutex<shade::Rows>>,
     /// One for each thread: the spheres that the pixels of a tile show.
     shown: Vec<Mutex<Vec<u32>>>,
@@ -132,7 +132,7 @@ impl CpuRasteriser {
         }
     }
 
-    /// How long each stage of the last draw took.
+    /// Time that each stage of the last draw took.
     #[must_use]
     pub fn stages(&self) -> Stages {
         self.stages
@@ -341,7 +341,7 @@ struct DrawTile<'a> {
     last: bool,
     tile: &'a mut Tile,
     rows: &'a mut shade::Rows,
-    /// Set in the last round of a draw with spheres.
+    /// The spheres, and memory for the spheres that the tile shows. Set in the last round of a draw with spheres.
     spheres: Option<(&'a Screen<'a>, &'a mut Vec<u32>)>,
     surface: TileSurface<'a>,
 }
@@ -381,7 +381,7 @@ impl Kernel for DrawTile<'_> {
     }
 }
 
-/// Copies the depths of a tile to a plane of its surface.
+/// Copies the depths of a tile to the rows of its surface that `plane` returns; nothing if `plane` returns `None`.
 #[inline(always)]
 fn store_depths<'a>(
     tile: &Tile,

@@ -40,11 +40,12 @@ pub(super) struct Rows {
     u: Row,
     v: Row,
     inv_sum: Row,
-    /// Value at corner 0, later the interpolated attribute; and the differences of corners 1 and 2 from corner 0.
+    /// The attribute at corner 0, which interpolation replaces by the attribute at the pixel; then the differences of corners 1 and 2
+    /// from corner 0.
     position: [[Row; 3]; 3],
     normal: [[Row; 3]; 3],
     light: Row,
-    /// With several lights or a positional light: the sum of the arriving light by colour, and the greatest cosine.
+    /// With several lights or a positional light: the sum of the arriving colours, and as fourth component the greatest cosine.
     arriving: [Row; 4],
     diffuse: [Row; 4],
     unlit: [Row; 4],
@@ -63,7 +64,7 @@ pub(super) struct Rows {
     /// Each pixel's texture, or [`NO_TEXTURE`], and its mapping.
     texture: [u32; ROW],
     mapping: MappingRows,
-    /// Where the texture is read: from the left, from the top, and the level of detail.
+    /// Where the texture is read: texture coordinates from the left and from the top, and the level of detail.
     place: [Row; 3],
     triangle: [u32; ROW],
     batch: Batch,
@@ -277,7 +278,7 @@ impl Rows {
         }
     }
 
-    /// Copies the inputs of a part's pixels into their columns.
+    /// Copies a part's attributes and material into the columns `run` of the pixels that show the part.
     #[inline(always)]
     fn gather(&mut self, frame: &Frame<'_>, wanted: Wanted, part: Part, run: Range<usize>, (left, y): (usize, usize)) {
         let geometry = frame.geometry;
@@ -342,7 +343,8 @@ impl Rows {
         }
     }
 
-    /// Gives pixels outside their triangle the barycentric coordinates of the triangle's nearest place. Such pixels lie at the ends of a run.
+    /// Gives pixels outside their triangle the barycentric coordinates of the triangle's point nearest to the pixel. Such pixels lie at the
+    /// ends of a run.
     #[inline(always)]
     fn place_outside(&mut self, barycentric: &Barycentric, run: Range<usize>, nearest: impl Fn(usize) -> [f64; 2]) {
         let mut place = |column: usize| {
@@ -445,7 +447,8 @@ impl Rows {
         (self.triangle[column] != NO_TRIANGLE && texture != NO_TEXTURE).then_some(texture as usize)
     }
 
-    /// Filters the textures of the row: first the places to read, for all pixels at once, then texels pixel by pixel.
+    /// Samples the textures of the row: computes texture coordinates and levels of detail for all pixels at once, then reads texels pixel
+    /// by pixel.
     #[inline(always)]
     fn texels(&mut self, textures: &[Texture], width: usize) {
         if (0..width).any(|column| self.texture_at(column).is_some()) {
@@ -491,7 +494,7 @@ impl Rows {
         }
     }
 
-    /// The value at a pixel of a texture other than [`Self::texture`], with the same coordinates.
+    /// The value, at a pixel, of a texture other than [`Self::texture`] that has the same texture coordinates.
     #[inline(always)]
     fn texel_of(&self, texture: &Texture, column: usize) -> Vec4 {
         let perspective = Perspective { u: self.u[column], v: self.v[column], inv_sum: self.inv_sum[column] };

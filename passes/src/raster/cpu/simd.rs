@@ -17,7 +17,7 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// All instruction sets, the narrowest first.
+    /// All instruction sets; each has the instructions of those before it.
     pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
 
     /// The name, for reports.
@@ -57,7 +57,7 @@ impl InstructionSet {
         return self == Self::Portable;
     }
 
-    /// The widest instruction set of this processor.
+    /// The last set of [`Self::ALL`] that this processor has.
     #[must_use]
     pub fn best() -> Self {
         Self::ALL.into_iter().rev().find(|set| set.available()).unwrap_or(Self::Portable)

@@ -1,7 +1,7 @@
 //! Exact spheres: the line of sight of each pixel is intersected with the sphere itself, in `f64`.
 //!
-//! A pixel shows a sphere where the depth of the intersection is nearer than the triangles. Spheres are drawn after all
-//! triangles and change no other pixels, so they have no effect on pictures without spheres.
+//! A pixel shows a sphere where the intersection is nearer to the eye than the triangle of the pixel. Spheres are drawn
+//! after all triangles and change no other pixels, so this code does not change pictures without spheres.
 
 use super::shade::lights::sum_of_lights;
 use super::surface::{TILE, TileSurface};
@@ -18,12 +18,12 @@ const AMBIENT: f32 = 0.3;
 /// The spheres of a draw.
 pub(super) struct Screen<'a> {
     job: &'a RasterJob<'a>,
-    /// Matrix from positions relative to the eye to clip space, and its inverse.
+    /// Matrix from positions relative to the eye to clip space, and the inverse matrix.
     matrix: DMat4,
     inverse: DMat4,
     eye: DVec3,
     size: [f64; 2],
-    /// The visible spheres: index, and the columns and rows of the viewport that each covers.
+    /// The spheres that may be seen: index, and the columns and rows of the viewport that each covers, with a margin.
     seen: Vec<(u32, [Range<usize>; 2])>,
 }
 
@@ -72,7 +72,7 @@ impl<'a> Screen<'a> {
         let nearest = from + b * direction;
         let half = radius * radius - nearest.length_squared();
         let half = (half >= 0.0).then(|| half.sqrt())?;
-        // The farther hit is the inner side, which culling removes.
+        // The second hit is on the inner side of the sphere, which culling removes.
         let inside = self.job.culled.get(sphere.material as usize) != Some(&true);
         let mut sides = [(-half, true), (half, inside)].into_iter().filter(|(_, shown)| *shown);
         let (step, _) = sides.find(|(step, _)| (0.0..=end).contains(&(b + step)))?;
@@ -87,7 +87,7 @@ impl<'a> Screen<'a> {
     }
 
     /// Draws the spheres of a tile over its triangles. `shown` receives one sphere index for each pixel of the tile,
-    /// [`NO_TRIANGLE`] where no sphere is seen; it stays empty if the tile shows none.
+    /// [`NO_TRIANGLE`] where no sphere is seen; it stays empty if no sphere's rectangle overlaps the tile.
     pub fn draw(&self, tile: &mut Tile, surface: &TileSurface<'_>, shown: &mut Vec<u32>) {
         shown.clear();
         for (index, [columns, rows]) in &self.seen {

@@ -16,9 +16,9 @@ const _: () = assert!(TILE == curitiba_pipeline::gbuffer::ALIGNMENT as usize);
 pub(super) struct Grid {
     /// The viewport, in pixels of the target.
     pub viewport: Rect,
-    /// Tiles a row.
+    /// Number of tiles in a row of tiles.
     pub columns: usize,
-    /// Rows of tiles.
+    /// Number of rows of tiles.
     pub rows: usize,
     /// Range of columns and of rows of the tiles that are drawn: all, unless the target is a part of the picture.
     pub drawn: [Range<usize>; 2],
@@ -53,9 +53,9 @@ pub(super) struct TileSurface<'a> {
     pub x: usize,
     /// Top row of the tile, relative to the viewport.
     pub y: usize,
-    /// Pixels a row, at most [`TILE`].
+    /// Number of pixels in a row of the tile, at most [`TILE`].
     pub width: usize,
-    /// Rows, at most [`TILE`].
+    /// Number of rows of the tile, at most [`TILE`].
     pub height: usize,
     color: Option<Plane<'a, [f32; 4]>>,
     position: Option<Plane<'a, [f32; 4]>>,
@@ -152,7 +152,7 @@ struct Shared<T> {
     stride: usize,
 }
 
-// SAFETY: the pointer is only used through `tile`, and its callers give each tile to one thread.
+// SAFETY: the pointer is only used through `tile`, whose callers give each tile to one thread.
 unsafe impl<T: Send> Sync for Shared<T> {}
 
 impl<T> Shared<T> {
@@ -164,7 +164,7 @@ impl<T> Shared<T> {
     }
 
     /// # Safety
-    /// The pixel must be in the attachment, and each tile may be taken once at a time.
+    /// The pixel must be in the attachment, and no other `Plane` of the same tile and attachment may exist.
     unsafe fn tile<'a>(&self, x: usize, y: usize) -> Plane<'a, T> {
         // SAFETY: the pixel is in the attachment.
         Plane { first: unsafe { self.pixels.add(y * self.stride + x) }, stride: self.stride, pixels: PhantomData }

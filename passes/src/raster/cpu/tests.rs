@@ -7,7 +7,7 @@ use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{Mat4, Vec3, Vec4};
 
-/// Overlapping triangles; every hundredth covers the whole picture, and every tenth reaches behind the far plane.
+/// Overlapping triangles; every hundredth is about as large as the picture, and every tenth lies near the far plane, on either side of it.
 fn scene(count: u32) -> RenderScene {
     let mut state = 1u32;
     let mut random = || {

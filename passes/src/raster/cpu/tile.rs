@@ -91,7 +91,7 @@ impl Edge {
 /// The plane goes through the corners before they were snapped. A plane through the snapped corners has a different
 /// slope, by up to half a unit's change of depth over the triangle, and might show the farther of two layers. Slivers
 /// whose orientation snapping reversed, or whose area it changed by a factor of two or more, have no reliable slope:
-/// they take the snapped corners.
+/// their plane goes through the snapped corners. With `snapped_depth` the plane of every triangle does.
 #[derive(Debug, Clone, Copy)]
 struct Depth {
     z: f32,
@@ -185,8 +185,8 @@ impl Tile {
         self.empty = false;
     }
 
-    /// Tests the depth of something other than a triangle at a pixel. If it is nearer, or the pixel is empty, stores the depth without a part,
-    /// and returns true.
+    /// Tests the depth of something other than a triangle, such as a sphere, at a pixel. If it is nearer than the stored depth, or the pixel
+    /// is empty, stores the depth without a part, and returns true.
     pub fn cover(&mut self, column: usize, row: usize, depth: f32) -> bool {
         let (at, bits) = (row * STRIDE + column, depth.to_bits() as i32);
         let nearer = bits > self.depth[at] || self.depth[at] == 0 && self.parts[at] == Part::NONE.0;
@@ -269,7 +269,7 @@ impl Tile {
         }
     }
 
-    /// Draws row by row, in vectors that start at the left end of the bounds.
+    /// Draws a narrow triangle row by row, in vectors that start at the left end of the bounds.
     #[inline(always)]
     fn draw_narrow(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let (x, y) = (bounds.x.0, bounds.y.0);
@@ -320,7 +320,7 @@ impl Tile {
         (*stored, *parts) = (new_depth, new_parts);
     }
 
-    /// Draws block by block, skipping blocks that are outside an edge or behind what is drawn.
+    /// Draws a wide triangle block by block. Skips blocks that are outside an edge, or whose pixels already hold nearer depths.
     #[inline(always)]
     fn draw_blocks(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let size = BLOCK as i32;
@@ -370,8 +370,8 @@ impl Tile {
         self.floor[block] = f32::from_bits(lowest.into_iter().fold(i32::MAX, i32::min) as u32);
     }
 
-    /// Draws pixel by pixel. At each pixel that passes the depth test, the alpha test decides whether there is a
-    /// surface.
+    /// Draws an alpha-tested triangle pixel by pixel. At each pixel that passes the depth test, the alpha test `part` decides
+    /// whether there is a surface; `None` leaves the pixel as it is.
     #[inline(always)]
     fn draw_rows(
         &mut self,

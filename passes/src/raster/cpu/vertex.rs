@@ -14,7 +14,7 @@ pub(super) const FINE: i32 = 64;
 /// Greatest side of a viewport, in pixels.
 pub(super) const MAX_SIDE: u32 = 16384;
 
-/// Corners lie at most this many pixels from the viewport's centre. Then differences of coordinates are below
+/// Corners lie at most this many pixels from the viewport's centre. Then differences of coordinates are at most
 /// `2 * 14336 * 256 = 7_340_032`, and an edge function over a tile, in steps of pixels, is below 2^31 (see `Edge`).
 const GUARD: u32 = 14336;
 
@@ -88,7 +88,7 @@ pub(super) struct Projection {
     width: f32,
     height: f32,
     origin: [i64; 2],
-    /// Greatest `|x / w|` and `|y / w|`; powers of two, so that the clipper's planes and the test below agree exactly.
+    /// Greatest `|x / w|` and `|y / w|`; powers of two, so that the clipper's planes and [`Self::inside`] agree exactly.
     pub guard: [f32; 2],
     /// [`View::clip_plane`].
     pub plane: Option<Vec4>,
@@ -126,7 +126,7 @@ impl Projection {
         plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w
     }
 
-    /// Whether a vertex with these clip coordinates needs no clipping.
+    /// Whether a vertex with these clip coordinates needs no clipping, unless it lies behind [`Self::plane`].
     #[inline(always)]
     pub fn inside(&self, [x, y, z, w]: [f32; 4]) -> bool {
         (z >= 0.0)

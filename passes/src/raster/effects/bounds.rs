@@ -42,7 +42,7 @@ impl Bounds {
         !self.min.cmple(self.max).all()
     }
 
-    /// The box extended to contain a point; coordinates that are NaN change nothing.
+    /// The box extended to contain a point. No coordinate may be NaN: it would replace the bounds along its axis.
     #[must_use]
     pub fn with(self, point: Vec3) -> Self {
         Self { min: self.min.min(point), max: self.max.max(point) }
@@ -215,7 +215,7 @@ impl Frustum {
         Self { clip_from_world: self.clip_from_world, planes, corners }
     }
 
-    /// Centre and radius of a sphere around the intersection of the frustum and a box; `None` if that is empty.
+    /// Centre and radius of a sphere around the intersection of the frustum and a box; `None` if the intersection is empty.
     #[must_use]
     pub fn sphere_with(&self, bounds: &Bounds) -> Option<(DVec3, f64)> {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -241,7 +241,7 @@ impl Frustum {
     }
 
     /// The area that a box covers on the screen as seen from `eye`, in units where the whole screen is 4. It is 4 where
-    /// the eye is inside the box.
+    /// the eye is inside the box, unless the box is a single point; 0 for an empty box.
     #[must_use]
     pub fn area_of(&self, bounds: &Bounds, eye: Vec3) -> f64 {
         if bounds.is_empty() {

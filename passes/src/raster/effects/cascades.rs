@@ -43,8 +43,8 @@ pub fn lit_depths(job: &EffectJob<'_>) -> Option<[f32; 2]> {
     depths.reduce_with(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// The plane whose dot product with `(p, 1)` is the depth of `p`; 0 for a camera whose depths [`Cascades::new`] does
-/// not use.
+/// The plane whose dot product with `(p, 1)` is the depth of `p`; 0 for an orthographic or degenerate camera, whose
+/// depths [`Cascades::new`] does not use.
 #[must_use]
 pub fn depth_plane(view: &View) -> Vec4 {
     let plane = Frustum::new(&view.clip_from_world).and_then(|frustum| frustum.depth_plane());
@@ -54,7 +54,7 @@ pub fn depth_plane(view: &View) -> Vec4 {
 /// The shadow maps of a picture, from near to far.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Cascades {
-    /// One fit for each map; empty where nothing can cast a shadow.
+    /// The camera of each map; empty where nothing can cast a shadow.
     pub fits: Vec<ShadowFit>,
 }
 
@@ -121,7 +121,7 @@ impl Cascades {
         params: &EffectParams,
     ) -> f32 {
         let covering = self.fits.iter().position(|fit| fit.covers(fit.place(position), params));
-        // In a map of few texels the whole filter may fit nowhere; then the last map serves.
+        // In a map of few texels the filter fits inside the map at no place; then the last map serves the position.
         let Some(index) = covering.or(self.fits.len().checked_sub(1)) else { return 1.0 };
         let (fit, map) = (&self.fits[index], map(index));
         if params.sun > 0.0 {

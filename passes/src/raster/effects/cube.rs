@@ -22,7 +22,7 @@ pub(crate) const AXES: [[Vec3; 3]; FACES] = [
 /// The camera of a face: 90 degrees field of view, reversed depth, between `near` and `far` (`0 < near < far`).
 ///
 /// Cube maps are seen from inside, so this camera mirrors: its clip space is left-handed, and front faces appear with
-/// the winding of back faces. Both rasterisers draw both windings.
+/// the winding of back faces. Maps are drawn without culling, so both windings are drawn.
 ///
 /// # Panics
 /// If there is no such face.
@@ -55,7 +55,7 @@ pub fn locate(direction: Vec3) -> (usize, Vec2) {
 }
 
 /// Bilinear filtering of a face of `size` x `size` texels at `at` (from [`locate`]). Coordinates are clamped to the
-/// face, so neighbouring faces differ by at most half a texel at their seam.
+/// face, so the places that neighbouring faces read at their seam differ by at most half a texel each.
 ///
 /// # Panics
 /// If the face has less than `size * size` texels.

@@ -112,7 +112,7 @@ impl Kernel<()> for Row<'_> {
         sum.fill(0.0);
         weight.fill(SPLINE[0] * SPLINE[0]);
         for down in 0..5_usize {
-            // A row above the first wraps to a number beyond the last.
+            // Rows above the first (`None`) and below the last have no tap.
             let Some(other) = (row + down * step).checked_sub(2 * step).filter(|other| *other < height) else {
                 continue;
             };

@@ -121,7 +121,7 @@ pub struct Mirrors {
 }
 
 impl Mirrors {
-    /// Chooses up to `most` planes that are shown by the most pixels. `scene` is the box around the scene.
+    /// Chooses the planes that the most pixels show, at most `most` of them. `scene` is the box around the scene.
     #[must_use]
     pub fn choose(glazing: &Glazing, survey: &Survey, scene: &Bounds, camera: &View, most: u32) -> Self {
         let mut mirrors = Self { chosen: Vec::new(), glass_pixels: [survey.glass; 2] };
@@ -147,7 +147,7 @@ impl Mirrors {
 struct Camera {
     /// Matrix to clip space, from positions relative to the eye in perspective, else from positions.
     matrix: DMat4,
-    /// Position; far away without perspective.
+    /// Position of the eye; without perspective, a point far away.
     eye: DVec3,
     /// Mapping of depths.
     depth: Depth,
@@ -155,7 +155,7 @@ struct Camera {
     footprint: f32,
 }
 
-/// Depth mapping of mirrored cameras. They see to the end of the scene, as rays do.
+/// Depth mapping of mirrored cameras. They see up to the far end of the scene, as rays do, whatever the picture's far plane is.
 enum Depth {
     /// In perspective, `near / w`: 1 at the camera's near distance, with the same relative precision at all distances.
     Near(f64),
@@ -164,7 +164,7 @@ enum Depth {
 }
 
 impl Camera {
-    /// `None` for a degenerate camera.
+    /// Prepares the camera of a view; `None` for a degenerate camera.
     fn new(view: &View, scene: &Bounds) -> Option<Self> {
         let eye = view.eye.as_dvec3();
         let (world, footprint) = (view.clip_from_world.as_dmat4(), view.footprint);

@@ -10,14 +10,14 @@
 //! - [`planes`], [`mirrors`]: the planes that flat glass lies in, the choice of planes that mirror, and the cameras
 //!   mirrored at them.
 //! - [`screen`]: the surfaces of the picture that rays from glass hit.
-//! - [`filter`]: averages the noise of ambient occlusion over surfaces.
+//! - [`filter`]: averages the noise of ambient occlusion, and of ray passes, over surfaces.
 //! - [`occlusion`]: the screen-space ambient occlusion of a pixel.
 //!
 //! # Pixels that an effect leaves alone
 //! The rules are those of the ray programs in corrected fidelity. `shadowMap` writes 1 where the position's `w` is not above 0
 //! (background, and surfaces turned away from the light). The occlusions write 1 where the normal is 0 (background).
-//! Cube maps and mirrors keep the colour of pixels that are not glass; mirrors also keep that of glass without a
-//! mirror. Alpha is 1 except for kept colours.
+//! Cube maps, mirrors and screen-space rays keep the colour of pixels that are not glass; mirrors also keep that of glass
+//! without a mirror. Alpha is 1 except for kept colours, and for pixels that are left to rays (`Answers::LEFT`).
 //!
 //! # Differences from the ray programs
 //! - The geometric normal is unknown: sides and slopes are those of the shading normal.
@@ -63,7 +63,7 @@ pub struct SceneCache {
     glass: Vec<bool>,
     panes: Option<Vec<Pane>>,
     glazing: Option<Glazing>,
-    /// Proxies that were computed, by pane.
+    /// The proxies computed so far, by index of the pane.
     proxies: std::collections::BTreeMap<u32, Proxy>,
 }
 

@@ -82,7 +82,7 @@ impl DisjointSets {
 pub struct Probe {
     /// The centre of the pane's box.
     pub center: Vec3,
-    /// Nearest distance drawn: a thousandth of the pane's radius, so that what the pane touches is seen.
+    /// Nearest distance drawn: a thousandth of the pane's radius, so that the surfaces that the pane touches are seen.
     pub near: f32,
     /// Farthest distance drawn: beyond the scene.
     pub far: f32,
@@ -90,7 +90,7 @@ pub struct Probe {
     pub bounds: Bounds,
     /// Index of the pane in the scene.
     pub pane: u32,
-    /// The box that stands for the surroundings, with box parallax only.
+    /// The box that stands for the surroundings; `None` without box parallax.
     pub proxy: Option<Proxy>,
 }
 
@@ -122,7 +122,7 @@ impl Probe {
         Eye { center: self.center, near: self.near, far: self.far, half }
     }
 
-    /// Direction in which the cube map is looked up, for a ray of unit length from `place`.
+    /// Direction in which the cube map is looked up, for a ray from `place` along the unit vector `direction`.
     #[must_use]
     #[inline]
     pub fn toward(&self, place: Vec3, direction: Vec3) -> Vec3 {

@@ -4,7 +4,7 @@
 //! Positions have an error of [`ROUNDING`] times their largest coordinate. At a given place, the error of a plane through
 //! three such points is this error times the sum of the place's absolute barycentric coordinates. Larger triangles are
 //! visited first, because they define planes most exactly. So the panes of a facade become one mirror, and a mirror is
-//! never farther from its glass than the error of the positions.
+//! never farther from its glass than the error of the glass's positions plus the error of the mirror's plane.
 
 use super::bounds::Bounds;
 use curitiba_pipeline::memory::{Refused, with_capacity};
@@ -12,8 +12,8 @@ use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// Largest error of a position relative to its largest coordinate: with two units in the last place for each coordinate
-/// and for the products and sums that transformed it, the total is at most 3.5 units.
+/// Largest error of a position relative to its largest coordinate. Products and sums that transform a position give each
+/// coordinate an error of at most two units in the last place, so the three together are off by at most 3.5 units.
 pub const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 
 /// Greatest sine between a plane's normal and its shading normals, in addition to the tilt by the rounding of positions:
@@ -42,13 +42,13 @@ pub fn agrees(normal: Vec3, plane: Vec4) -> bool {
 /// A plane in which flat glass lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GlassPlane {
-    /// Unit normal, on either side.
+    /// Unit normal, which may point to either side of the plane.
     pub normal: DVec3,
     /// Dot product of the normal and a point of the plane.
     pub offset: f64,
-    /// Greatest distance of a corner of its glass from the plane, which is due to rounding.
+    /// Greatest distance from the plane of a corner of the plane's glass; such distances are due to rounding.
     pub slack: f64,
-    /// Greatest sine between the plane's normal and its shading normals.
+    /// Greatest sine between the plane's normal and the shading normals of its glass.
     pub max_sine: f64,
     /// The box around its glass.
     pub bounds: Bounds,
@@ -100,8 +100,8 @@ struct Facet {
 }
 
 impl Facet {
-    /// Error of the plane at a distance `r` from the triangle's centre: the sum of the absolute barycentric coordinates
-    /// there is at most `1 + 2 r / height`.
+    /// Error of the plane at `distance` from the triangle's centre: the sum of the absolute barycentric coordinates there is
+    /// at most `1 + 2 distance / height`.
     fn error_at(&self, distance: f64) -> f64 {
         self.rounding * (1.0 + 2.0 * distance / self.height)
     }
@@ -120,7 +120,7 @@ fn measure([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
     (height > 0.0 && height.is_finite()).then_some((normal, height))
 }
 
-/// The cells that may contain the unit normals of planes that agree with this one: one or two along each axis.
+/// The cells that may contain the unit normals of planes that agree with this one: two or three along each axis.
 fn cells(normal: DVec3) -> impl Iterator<Item = [i8; 3]> {
     // With a margin for rounding.
     let reach = 1.01 * LARGEST_SINE;
@@ -198,7 +198,7 @@ impl Planes {
         // The geometric normal of a sliver is inexact; its shading normals are exact.
         let shown = shading[0].and_then(Vec3::try_normalize).map_or(own, Vec3::as_dvec3);
         let rounding = rounding_of(&corners);
-        // The greatest distance of the triangle's corners from a plane; `None` if the triangle does not lie in the plane.
+        // The greatest distance of a corner of the triangle from a plane; `None` if the triangle does not lie in the plane.
         let off = |plane: &GlassPlane, facet: &Facet| {
             let all = corners.each_ref().map(|corner| plane.distance(*corner).abs());
             let explained =

@@ -23,7 +23,7 @@ pub const FACE: u32 = 64;
 /// Attachments of these faces.
 pub const ATTACHMENTS: Attachments = Attachments { color: false, position: true, normal: true, triangle: true };
 
-/// Where the component of a unit direction is below this, the ray counts as parallel to the two sides across that axis.
+/// A ray whose unit direction has a component of at most this size along an axis counts as parallel to the two sides across that axis.
 pub const LEAST_ALONG: f32 = 1e-6;
 
 /// The viewpoint of a cube map, and the pane that its box must contain.
@@ -100,10 +100,10 @@ impl Proxy {
     }
 }
 
-/// The side of the box that a surface at `offset` from the centre belongs to, and its distance along that axis. Sides 0
-/// and 1 are +x and -x, and so on.
+/// The side of the box that a surface at `offset` from the centre belongs to, and its distance along that side's axis.
+/// Sides 0 and 1 are +x and -x, and so on. `None` if the distance is not above 0 or not finite.
 fn side_of(offset: Vec3, normal: Vec3) -> Option<(usize, f32)> {
-    // The outward normal; the surface is turned to the centre.
+    // The outward normal: the visible side of the surface is turned to the centre, and its normal away from the centre.
     let outward = if normal.dot(offset) < 0.0 { -normal } else { normal };
     let axis = outward.abs().max_position();
     let negative = outward[axis] < 0.0;

@@ -37,7 +37,7 @@ pub struct ShadowFit {
     pub depth_per_unit: f32,
     /// Whether the map covers the whole scene.
     pub is_whole: bool,
-    /// World length by which rounding may displace a surface along the light.
+    /// World length by which rounding may displace a surface along the light's direction.
     pub rounding: f32,
     /// Radius of the light's disc in texels, for an occluder that is nearer to the light by a depth of 1; 0 for a point
     /// light.
@@ -49,7 +49,7 @@ pub struct ShadowFit {
 
 impl ShadowFit {
     /// The camera of one map with `params.map_size` texels a side, for everything that `camera` sees of a scene with
-    /// these bounds. `None` where nothing can cast a shadow: the scene is empty, or the light has no direction.
+    /// these bounds. `None` if the scene is empty or the light has no direction, so that nothing casts a shadow, or if numbers overflow.
     #[must_use]
     pub fn new(sun: &Sun, scene: &Bounds, camera: &View, params: &EffectParams) -> Option<Self> {
         let seen = Frustum::new(&camera.clip_from_world).and_then(|frustum| frustum.sphere_with(scene));
@@ -181,7 +181,7 @@ impl ShadowFit {
         }
         let depth = place.z + self.bias(cos, params);
         let (size, reach) = (self.size as usize, params.pcf as usize);
-        // At least `pcf + 1` texels from the edge, so all are inside.
+        // The place is at least `pcf + 1` texels from the map's edge, so all texels of the filter are inside the map.
         let first = |at: f32| (at - 0.5).floor() as usize - reach;
         let (left, width) = (first(place.x), 2 * reach + 2);
         let mut rows = map.chunks_exact(size).skip(first(place.y)).take(width).map(|row| &row[left..left + width]);
@@ -202,7 +202,7 @@ impl ShadowFit {
         let (size, reach) = (self.size as i32, params.pcf as i32);
         let (x, y) = (place.x - 0.5, place.y - 0.5);
         let edge = 1e6;
-        // Also true for a NaN.
+        // The negated comparisons are also true for a NaN.
         if !(x.abs() < edge && y.abs() < edge && place.z.is_finite()) {
             return 1.0;
         }

@@ -48,10 +48,10 @@ pub struct Tap {
 /// The taps of the occluder search and of the kernel.
 #[derive(Debug)]
 pub struct Taps {
-    /// Denser towards the centre, where near occluders are; each is weighted by the area that it represents.
+    /// Taps of the search: denser towards the centre, where occluders near the surface are; each is weighted by the area that it represents.
     pub search: [Tap; SEARCH_TAPS],
-    /// Each represents the same area: Vogel, "A better way to construct the sunflower head", Mathematical Biosciences
-    /// 44, 1979.
+    /// Taps of the kernel; each represents the same area: Vogel, "A better way to construct the sunflower head",
+    /// Mathematical Biosciences 44, 1979.
     pub filter: [Tap; FILTER_TAPS],
 }
 
@@ -77,13 +77,13 @@ pub static TAPS: LazyLock<Taps> = LazyLock::new(|| {
 
 impl ShadowFit {
     /// The share of the light's disc that is visible from a position, 0..=1, with the arguments of [`Self::lit_share`]. The
-    /// kernel is never smaller than that of a point light.
+    /// kernel is never smaller than the filter of a point light.
     #[must_use]
     pub fn soft_share(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> f32 {
         let place = self.place(position);
         let at = place.truncate() - 0.5;
         let edge = 1e6;
-        // Also true for a NaN.
+        // The negated comparisons are also true for a NaN.
         if !(at.x.abs() < edge && at.y.abs() < edge && place.z.is_finite()) {
             return 1.0;
         }
@@ -125,7 +125,7 @@ impl ShadowFit {
         [self.texel * Self::slope(cos) * self.depth_per_unit, self.rounding * self.depth_per_unit]
     }
 
-    /// A shadow test, interpolated between the four texels around a place in units of texel centres.
+    /// A shadow test, interpolated between the four texels around a place; the centre of the first texel is at 0.
     #[inline]
     fn between(&self, map: &[f32], at: Vec2, depth: f32) -> f32 {
         let corner = at.floor();

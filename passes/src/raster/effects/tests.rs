@@ -1,4 +1,4 @@
-//! The cameras of shadow maps and reflection maps, against closed forms.
+//! The cameras of shadow maps and cube maps, and the choice of panes, against closed forms.
 
 use super::bounds::{Bounds, Frustum};
 use super::cascades::{Cascades, depth_plane};

@@ -107,7 +107,7 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().into_iter().map(|(summary, _)| summary).collect()
 }
 
-/// For each adapter a text that says what it can do for the rasteriser and for rays, and what it lacks.
+/// For each adapter, a text that says what the rasteriser and the ray backend can do on it, and what it lacks for them.
 #[must_use]
 pub fn abilities() -> Vec<(AdapterSummary, String)> {
     enumerate()
@@ -179,7 +179,7 @@ fn place_of(adapters: &[AdapterSummary], name: &str) -> Result<u8, String> {
     let all: Vec<(usize, &AdapterSummary)> = adapters.iter().enumerate().collect();
     let found: Vec<_> = all.iter().filter(fits).collect();
     match found.as_slice() {
-        // Of several equal adapters, the first.
+        // Of several adapters with the same name, the first.
         [(place, first), rest @ ..] if rest.iter().all(|(_, other)| other.name == first.name) => {
             u8::try_from(*place).map_err(|_| format!("there are too many adapters; {valid}"))
         }

@@ -1,6 +1,6 @@
 // Shared by the program that computes the planes of triangles, and by those that draw and shade triangles.
 
-// Uniforms of a whole pass.
+// Uniforms of all draws of a pass.
 struct Frame {
     // For positions relative to `eye`. Depth is reversed: 1 at the near plane, 0 at the far plane.
     clip_from_eye: mat4x4<f32>,

@@ -1,4 +1,4 @@
-//! Which pixels of a picture a box can cover.
+//! Which pixels of a picture an axis-parallel box can cover.
 
 use curitiba_pipeline::backend::{Rect, View};
 use glam::Vec3;
@@ -42,7 +42,7 @@ mod tests {
     use glam::camera::rh::proj::directx::{orthographic, perspective_infinite_reverse};
     use glam::camera::rh::view::look_at_mat4;
 
-    /// Cameras of both kinds look at boxes that lie before, around, beside and behind them.
+    /// Cameras with and without perspective look at boxes that lie before, around, beside and behind them.
     #[test]
     fn what_a_point_of_the_box_covers_lies_within() {
         let size = [640, 360];

@@ -22,7 +22,7 @@ const SMALL_UPLOAD: usize = 1 << 20;
 const SHADING_BUFFERS: u32 = 6;
 const SHADING_TEXTURES: u32 = 4;
 
-/// How the programs of rays read their parameters, which differ from launch to launch.
+/// How ray programs read their parameters, which differ from launch to launch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Parameters {
     /// In a uniform buffer.
@@ -38,7 +38,7 @@ impl Parameters {
         if adapter.kind == AdapterKind::Software && has_room { Self::Storage } else { Self::Uniform }
     }
 
-    /// The type of their binding.
+    /// The type of the parameters' binding.
     pub fn binding(self) -> wgpu::BufferBindingType {
         match self {
             Self::Uniform => wgpu::BufferBindingType::Uniform,
@@ -46,7 +46,7 @@ impl Parameters {
         }
     }
 
-    /// The usage of their buffer.
+    /// The usage of the parameters' buffer.
     pub fn usage(self) -> wgpu::BufferUsages {
         match self {
             Self::Uniform => wgpu::BufferUsages::UNIFORM,
@@ -54,7 +54,7 @@ impl Parameters {
         }
     }
 
-    /// The number of storage buffers that they take.
+    /// The number of storage buffers that the parameters take: 0 in a uniform buffer, else 1.
     pub fn storage_buffers(self) -> u32 {
         u32::from(self == Self::Storage)
     }
@@ -96,7 +96,7 @@ pub(crate) struct Gpu {
     /// Least and greatest number of threads of a subgroup.
     pub subgroup: [u32; 2],
     faults: Arc<Faults>,
-    /// Bytes that are counted as memory of the process.
+    /// Bytes of the device's buffers and textures that are counted as memory of the process; 0 unless the driver is a software driver.
     counted: Mutex<i64>,
 }
 
@@ -192,7 +192,8 @@ impl Gpu {
             && limits.max_storage_textures_per_shader_stage >= SHADING_TEXTURES
     }
 
-    /// Returns the first failure since the last call as an error. It is also an error if the memory that the device takes is refused.
+    /// Returns the first failure since the last call as an error. It is also an error if the buffers and textures of a software driver exceed
+    /// the memory that the process may take.
     pub fn check(&self, doing: &str) -> Result<(), BackendError> {
         let message = self.faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
         match message.or_else(|| self.count_memory().err().map(|refused| refused.to_string())) {
@@ -265,8 +266,8 @@ impl Gpu {
     }
 
     fn poll(&self, how: wgpu::PollType, doing: &str) -> Result<(), BackendError> {
-        // wgpu 30 panics if the driver reports a lost device meanwhile (`Device::poll` calls
-        // `handle_error_fatal`). After that only the message is used.
+        // wgpu 30 panics if the driver reports a lost device during the poll (`Device::poll` calls
+        // `handle_error_fatal`). After such a panic the device only serves for the text of the error.
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
             Ok(Ok(_)) => {}
@@ -360,7 +361,7 @@ pub(crate) struct TextureUpload<'a> {
     gpu: &'a Gpu,
     texture: &'a wgpu::Texture,
     doing: &'a str,
-    /// Bytes that were handed over and not waited for.
+    /// Bytes that were handed over to the queue and not waited for.
     waiting: usize,
 }
 
@@ -395,7 +396,7 @@ impl<'a> TextureUpload<'a> {
         Ok(())
     }
 
-    /// Waits until all is copied.
+    /// Waits until all texels are copied.
     pub fn end(self) -> Result<(), BackendError> {
         self.gpu.submit_and_wait(None, self.doing)
     }

@@ -23,14 +23,14 @@ struct Draw {
     /// Indices of the textures of groups 1 to 3, where the variant has them: colour, glow, normal map.
     textures: [Option<u32>; 3],
     chunk: usize,
-    /// First triangle of the scene.
+    /// Index in the scene of the first triangle.
     first: u32,
     count: u32,
-    /// Offset of its uniforms.
+    /// Offset of the draw's uniforms in the buffer of uniforms.
     offset: u32,
     /// Corners of the box around its triangles.
     bounds: [Vec3; 2],
-    /// Width and height of the pixels that are shaded for it.
+    /// Width and height of the rectangle of pixels in which a program shades the draw's triangles.
     shaded: [u32; 2],
 }
 
@@ -40,11 +40,11 @@ pub(super) struct DrawList {
     draws: Vec<Draw>,
     /// The attachments that the draws write.
     stored: Stored,
-    /// By material: whether it is left out.
+    /// By material: whether its triangles are left out.
     left_out: Vec<bool>,
     /// `Draw` uniforms, `stride` bytes apart.
     bytes: Vec<u8>,
-    /// Contents of the device's buffer.
+    /// Contents of the device's buffer of `Draw` uniforms.
     written: Vec<u8>,
     stride: usize,
     frame: wgpu::Buffer,
@@ -53,17 +53,17 @@ pub(super) struct DrawList {
     lights: Option<wgpu::Buffer>,
     /// Whether the listed draws bind `Lights`.
     many: bool,
-    /// Whether the depth of the listed draws is that of planes.
+    /// Whether the depth of the listed draws is computed on the planes of their triangles.
     planes: bool,
-    /// Bind groups of the listed draws: one for each chunk if their depth is that of planes, else a single one.
+    /// Bind groups of the listed draws: one for each chunk if their depth is computed on planes, else a single one.
     bindings: Vec<wgpu::BindGroup>,
-    /// Bind groups of the program of planes, by chunk. Empty if the depth of the listed draws is not that of planes.
+    /// Bind groups of the program that computes planes, by chunk. Empty if the depth of the listed draws is not computed on planes.
     plane_bindings: Vec<wgpu::BindGroup>,
     /// The part of the picture whose pixels are shaded once each, from the visibility buffer; `None` if triangles are drawn.
     shaded: Option<Rect>,
     /// Colour of pixels that show nothing.
     background: Vec4,
-    /// Whether the ids of a sky are written, too.
+    /// Whether the triangle ids of a sky are written, too.
     sky_ids: bool,
 }
 
@@ -94,7 +94,7 @@ impl DrawList {
         })
     }
 
-    /// A list of draws that write the ids of a sky, too.
+    /// A list of draws that write the triangle ids of a sky, too.
     pub fn with_sky_ids(self) -> Self {
         Self { sky_ids: true, ..self }
     }
@@ -233,7 +233,7 @@ impl DrawList {
         Ok(())
     }
 
-    /// Binds the buffers that the listed draws read; anew for each job, because buffers may have been replaced.
+    /// Binds the buffers that the listed draws read. This is repeated for each job, because buffers may have been replaced since the last.
     fn bind(&mut self, gpu: &Gpu, layouts: &Layouts, geometry: &DeviceGeometry) -> Result<(), BackendError> {
         self.bindings.clear();
         self.plane_bindings.clear();
@@ -256,7 +256,7 @@ impl DrawList {
         gpu.check("binding of the uniforms")
     }
 
-    /// `Frame`, `Draw` and, for several lights or a positional light, `Lights`.
+    /// Bindings of `Frame`, `Draw` and, for several lights or a positional light, `Lights`.
     fn uniforms(&self) -> Vec<wgpu::BindGroupEntry<'_>> {
         let size = NonZeroU64::new(size_of::<DrawUniform>() as u64);
         let draw = wgpu::BufferBinding { buffer: &self.uniforms, offset: 0, size };
@@ -296,7 +296,7 @@ impl DrawList {
         Ok(())
     }
 
-    /// Whether depth is that of planes, which [`Self::record_planes`] computes for each camera.
+    /// Whether depth is computed on planes, which [`Self::record_planes`] computes for each camera.
     pub fn has_planes(&self) -> bool {
         !self.plane_bindings.is_empty()
     }

@@ -5,7 +5,7 @@ use curitiba_pipeline::backend::BackendError;
 /// The rasteriser's name.
 pub(crate) const NAME: &str = "wgpu";
 
-/// What the user can do where the device cannot.
+/// What the user can do if the device fails or lacks something.
 const REMEDY: &str = "`--raster cpu` draws without a GPU";
 
 /// The same error, with the remedy replaced by that of the ray backend of the same name.

@@ -13,8 +13,8 @@
 //   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
 //   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
 //   LIGHTS                              several lights, or one with a place, instead of the light of `Frame`
-//   SKY                                 only the colour is written
-//   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
+//   SKY                                 all attachments but the colour are written as 0
+//   MIRRORED                            seen by a mirrored camera: fragments behind the mirror are discarded
 //   PLANE_DEPTH                         depth is that of the triangle's plane, not the device's
 //   EARLY                               the device drops hidden fragments by its own depth, which a bias makes nearer
 //   PRIMITIVE                           the fragment's triangle within its draw is known: for TRIANGLE or PLANE_DEPTH
@@ -36,9 +36,9 @@ struct Draw {
     alpha_cutoff: f32,
     // Factor of x and y of the normal map.
     normal_scale: f32,
-    // Place of the draw's first triangle among those of its chunk.
+    // Index of the draw's first triangle among the triangles of its chunk.
     first_of_chunk: u32,
-    // Number of triangles.
+    // Number of triangles of the draw.
     count: u32,
     // PER_PIXEL: whether pixels without a triangle are written, not 0 in one draw of a pass.
     clears: u32,
@@ -300,7 +300,7 @@ fn plane_depth(primitive: u32, pixel: vec4<f32>) -> f32 {
 //#endif
 
 //#if PER_PIXEL
-// The values that a pixel shows of a draw's triangle.
+// The attachments' values at a pixel that shows a triangle of the draw.
 fn shaded(in: Varyings, primitive: u32) -> Pixel {
 //#else
 @fragment

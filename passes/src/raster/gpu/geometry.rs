@@ -43,7 +43,7 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Memory for the triangles' planes.
+    /// The buffer for the triangles' planes, made on the first call.
     pub fn planes(&self, gpu: &Gpu) -> Result<&wgpu::Buffer, BackendError> {
         if let Some(planes) = self.planes.get() {
             return Ok(planes);
@@ -69,7 +69,7 @@ pub(super) struct Vertices {
 pub(super) struct DeviceGeometry {
     pub chunks: Vec<Chunk>,
     pub vertices: Vec<Vertices>,
-    /// In the order of their triangles.
+    /// The parts of all chunks, in the order of their triangles.
     pub parts: Vec<Part>,
     pub has_normals: bool,
     /// Bytes of the vertices and indices.
@@ -167,7 +167,7 @@ impl DeviceGeometry {
     }
 }
 
-/// The values of some vertices; empty if the list is.
+/// The values of some vertices; empty if `list` is empty.
 fn gather<T: Copy>(list: &[T], vertices: &[u32]) -> Vec<T> {
     if list.is_empty() { Vec::new() } else { vertices.iter().map(|vertex| list[*vertex as usize]).collect() }
 }
@@ -185,7 +185,7 @@ impl Layout {
     /// `widest` is the size of the widest vertex attribute in bytes.
     fn new(triangles: usize, vertices: usize, widest: u64, max_bytes: u64) -> Result<Self, BackendError> {
         let shared_vertices = vertices as u64 * widest <= max_bytes;
-        // Without sharing, a chunk may use three vertices for each triangle.
+        // Without shared vertices, each triangle of a chunk may use three vertices of its own.
         let triangle_bytes = if shared_vertices { PLANE_BYTES } else { 3 * widest };
         let per_chunk = usize::try_from(max_bytes / triangle_bytes).unwrap_or(usize::MAX);
         if per_chunk == 0 {
@@ -234,7 +234,7 @@ pub(super) fn union(one: [Vec3; 2], other: [Vec3; 2]) -> [Vec3; 2] {
 /// Renumbers the vertices of a chunk by first use.
 #[derive(Debug, Default)]
 struct Compactor {
-    /// By vertex: its new index, or `u32::MAX`.
+    /// By vertex: its new index, or `u32::MAX` if the chunk does not use it.
     renumbered: Vec<u32>,
     used: Vec<u32>,
 }

@@ -1,4 +1,4 @@
-//! Checks whether the parts of a job fit together.
+//! Checks whether the scene and the target of a job have the data that the job needs.
 
 use super::faults::unsupported;
 use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, drawn_part};

@@ -1,4 +1,4 @@
-//! Copies the contents that a pass starts from, instead of clearing, to the device, and copies back the depth that the pass leaves.
+//! Copies contents to the device with which a pass starts instead of clearing, and copies back the depth that the pass leaves.
 
 use super::device::Gpu;
 use super::faults::unsupported;
@@ -127,7 +127,7 @@ impl DepthLoader {
     }
 }
 
-/// Copies a part of the viewport from `target` into the attachments that are `wanted`.
+/// Copies a part of the viewport from `target` into those of the device's attachments that are `wanted`.
 pub(super) fn load_colors(
     gpu: &Gpu,
     targets: &Targets,

@@ -26,7 +26,7 @@ pub(crate) struct Lending {
 /// The attachments of one pass.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lent {
-    /// Number of the pass, counted from 1.
+    /// Number of the pass, counted from 1; 0 if no pass was lent yet.
     pub value: u64,
     /// Pixels in a row, and number of rows.
     pub size: (u32, u32),
@@ -64,7 +64,7 @@ impl Lending {
         Ok(())
     }
 
-    /// The picture with this number.
+    /// The picture with this number, if there is one.
     pub fn picture(&self, number: usize) -> Option<wgpu::Texture> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).get(&number).cloned()
     }
@@ -75,7 +75,7 @@ impl Lending {
         pictures.values().map(|picture| 16 * u64::from(picture.width()) * u64::from(picture.height())).sum()
     }
 
-    /// The last draw.
+    /// The attachments of the last draw that was lent.
     pub fn last(&self) -> Lent {
         self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

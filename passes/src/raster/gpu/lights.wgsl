@@ -54,8 +54,8 @@ fn arriving(light: Light, point: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(towards, factor);
 }
 
-// The sum over the lights of their colour at a point times the cosine; w: the greatest cosine of a light that arrives. Light from below the
-// horizon of the unbent surface does not count.
+// The sum, over the lights, of the light's colour that arrives at a point times the light's cosine; w: the greatest cosine of a light that
+// arrives. Light from below the horizon of the unbent surface does not count.
 fn sum_of_lights(point: vec3<f32>, normal: vec3<f32>, unbent: vec3<f32>) -> vec4<f32> {
     var sum = vec4<f32>(0.0);
     for (var index = 0u; index < lamps.count.x; index++) {

@@ -83,11 +83,11 @@ pub struct WgpuRasteriser {
     staging: Staging,
     /// Set when the first pass starts from a depth.
     depth_loader: Option<kept::DepthLoader>,
-    /// Viewport and formats of the last draw, which the attachments hold.
+    /// Viewport and formats of the last draw, whose pixels the attachments hold; `None` before the first draw.
     drawn: Option<(Rect, Stored)>,
     /// Set when the first effect runs.
     effects: Option<Effects>,
-    /// The device's UUID, if it can share memory.
+    /// The device's UUID; `None` if the device cannot share memory.
     uuid: Option<DeviceUuid>,
     /// Set when memory is shared.
     sharing: Option<share::Sharing>,
@@ -137,7 +137,7 @@ pub struct DeviceMemory {
     pub textures: u64,
     /// Attachments and depth buffers, including those kept for other passes.
     pub attachments: u64,
-    /// Maps, outputs and uploaded G-buffers of raster effects.
+    /// Maps, outputs, pyramids, depths and uploaded G-buffers of raster effects.
     pub effects: u64,
     /// Pictures of passes that stay on the device, and the quads that are filled from them.
     pub pictures: u64,
@@ -350,7 +350,7 @@ impl Rasteriser for WgpuRasteriser {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("gbuffer"),
                 color_attachments: visible.as_ref().unwrap_or(&attachments),
-                // Stored for spheres, too: they are drawn after the shading, and tested against this depth.
+                // Depth is also stored for spheres, which are drawn in a pass after the shading and tested against this depth.
                 depth_stencil_attachment: Some(
                     targets.depth_attachment(load_depth, store_depth || shaded.is_some() && spheres.is_some()),
                 ),
@@ -411,7 +411,7 @@ impl Rasteriser for WgpuRasteriser {
             Some(timer) => {
                 let [drawn, handed] = timer.submit_spans(&self.gpu, encoder, shared.is_some(), "draw")?;
                 if let Some(shared) = &mut shared {
-                    // The draw waits for the hand-over, too, so its device time also counts as host time of the synchronisation.
+                    // The host waits for the draw and the hand-over together, so the hand-over's device time also counts as its host time.
                     (shared.device, shared.host) = (Some(handed), shared.host + handed);
                 }
                 Some(drawn)

@@ -20,7 +20,7 @@ pub(super) struct Layouts {
     pub texture: wgpu::BindGroupLayout,
     /// Repeating sampler, linear within a level and between two levels.
     pub trilinear: wgpu::Sampler,
-    /// For each layout of [`Self::uniforms`], by the number of textures.
+    /// Pipeline layouts: for each layout of [`Self::uniforms`], by the number of textures.
     pipelines: [[[wgpu::PipelineLayout; 4]; 2]; 2],
     /// The program that computes the planes of triangles; `None` if the device cannot have depth on planes.
     pub planes: Option<PlaneProgram>,
@@ -144,7 +144,7 @@ pub(super) fn trilinear(device: &wgpu::Device, sampling: Sampling) -> wgpu::Samp
 pub(super) struct Pipelines {
     drawing: HashMap<(Variant, Stored), wgpu::RenderPipeline>,
     shading: HashMap<(Variant, Stored), wgpu::ComputePipeline>,
-    /// Group 0 of [`Self::shading`], with and without `Lights`.
+    /// Layouts of group 0 of [`Self::shading`], with and without `Lights`.
     shading_layouts: HashMap<(bool, Stored), wgpu::BindGroupLayout>,
 }
 
@@ -174,18 +174,18 @@ impl Pipelines {
         self.drawing.get(&(variant, stored))
     }
 
-    /// The pipeline of a required variant that shades each pixel once.
+    /// The compute pipeline of a variant that shades each pixel once and was [required](Self::require) before.
     pub fn get_shading(&self, variant: Variant, stored: Stored) -> Option<&wgpu::ComputePipeline> {
         self.shading.get(&(variant, stored))
     }
 
-    /// Group 0 of the variants that shade each pixel once.
+    /// The layout of group 0 of the variants that shade each pixel once, with or without `Lights`.
     pub fn shading_layout(&self, many: bool, stored: Stored) -> Option<&wgpu::BindGroupLayout> {
         self.shading_layouts.get(&(many, stored))
     }
 }
 
-/// The number of the groups of textures that a variant has. A pipeline with a group also has all groups before it.
+/// How many of the groups 1 to 3, of textures, a variant has. A pipeline with a group also has all groups before it.
 fn textures(variant: Variant) -> usize {
     match variant {
         Variant { bent: true, .. } => 3,
@@ -258,7 +258,7 @@ fn build_shading(
     })
 }
 
-/// Vertex buffer slots of normals, texture coordinates, colours and tangents in a variant; slot 0 holds positions.
+/// Vertex buffer slots of normals, texture coordinates, colours and tangents, `None` where the variant reads none; slot 0 holds positions.
 pub(super) fn slots(variant: Variant) -> [Option<u32>; 4] {
     let mut next = 0;
     [variant.vertex_normal, variant.texcoord(), variant.vertex_color, variant.bent].map(|read| {

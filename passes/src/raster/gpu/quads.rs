@@ -17,7 +17,7 @@ use std::time::Instant;
 
 /// Threads along a side of a workgroup.
 const GROUP: u32 = 16;
-/// Greatest number of bytes of a launch; larger pictures take several.
+/// Greatest number of bytes of pixels of a launch; larger pictures take several launches.
 const MOST_BYTES: u64 = 64 << 20;
 /// Greatest number of pixels of a launch, which takes about 1 ms on a GPU, and 50 ms with a software driver on two cores.
 const MOST_PIXELS: u64 = 1 << 22;
@@ -90,11 +90,11 @@ fn declaration(name: &str, binding: u32, is_buffer: bool) -> String {
 /// The programs, and the buffers that are kept from frame to frame.
 #[derive(Debug)]
 pub(super) struct Quads {
-    /// By whether colour and factor are buffers.
+    /// Pipelines by whether the quad's colour and factor are buffers (`true`) or textures.
     pipelines: Vec<([bool; 2], wgpu::ComputePipeline)>,
     uniform: wgpu::Buffer,
     found: wgpu::Buffer,
-    /// The tables of a colour space.
+    /// The tables of the colour space that was used last.
     tables: Option<(ColorSpace, wgpu::Buffer)>,
     pixels: Option<wgpu::Buffer>,
     staging: Option<wgpu::Buffer>,
@@ -112,7 +112,7 @@ fn number(format: PixelFormat) -> u32 {
     }
 }
 
-/// The tables of `quads.wgsl`, of 256 words each: steps of codes, steps of bytes, bytes over 255, steps of alpha.
+/// The tables of `quads.wgsl`, of 256 words each: steps of codes, steps of bytes, bytes divided by 255, steps of alpha.
 fn words(space: ColorSpace) -> Vec<u32> {
     let mut words = Vec::with_capacity(4 * 256);
     let mut part = |table: &[u32]| {
@@ -127,7 +127,7 @@ fn words(space: ColorSpace) -> Vec<u32> {
     words
 }
 
-/// The buffer in a slot; replaced by a larger one if it is too small.
+/// The buffer in a slot; replaced by a larger buffer if it has less than `bytes` bytes.
 fn kept<'a>(
     gpu: &Gpu,
     slot: &'a mut Option<wgpu::Buffer>,
@@ -157,7 +157,7 @@ impl Quads {
         })
     }
 
-    /// Bytes of device memory.
+    /// Bytes of device memory of the pixels and of the staging buffer.
     pub fn bytes(&self) -> u64 {
         self.pixels.iter().chain(&self.staging).map(wgpu::Buffer::size).sum()
     }
@@ -268,7 +268,7 @@ impl Quads {
         Ok(group)
     }
 
-    /// Fills some rows, waits, and copies their pixels to `place`. Returns the other results, and the times.
+    /// Fills some rows, waits, and copies their pixels to `place`. Returns the results besides the pixels, and the times.
     fn launch(
         &self,
         gpu: &Gpu,

@@ -50,7 +50,7 @@ fn is_nan(x: u32) -> bool {
     return magnitude(x) > INFINITE;
 }
 
-// The number of steps that are at most `x`; 0 if `x` is NaN or below 0.
+// The number of steps of the table that are at most `x`; 0 if `x` is NaN or below 0.
 fn count(table: u32, x: u32) -> u32 {
     if (x >> 31u) != 0u || is_nan(x) {
         return 0u;
@@ -68,7 +68,7 @@ fn count(table: u32, x: u32) -> u32 {
     return low;
 }
 
-// Rounds to the nearest byte over 255. NaN and -0 stay.
+// Rounds to the nearest multiple of 1/255. NaN and -0 stay.
 fn to_byte(x: u32) -> u32 {
     if is_nan(x) || x == 0x80000000u {
         return x;

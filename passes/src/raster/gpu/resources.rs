@@ -13,7 +13,7 @@ pub(crate) fn texture(
     texture_array(gpu, label, format, size, 1, usage)
 }
 
-/// An array of such textures.
+/// An array of `layers` textures, as [`texture`].
 pub(crate) fn texture_array(
     gpu: &Gpu,
     label: &str,

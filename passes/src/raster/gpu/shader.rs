@@ -54,7 +54,7 @@ pub(super) struct Variant {
 }
 
 impl Variant {
-    /// The variant for a draw; a scene with textured materials has texture coordinates.
+    /// The variant for a draw. A scene with textured materials must have texture coordinates.
     pub fn new(attachments: Attachments, has_normals: bool, shade: &Shade) -> Self {
         let Attachments { color, position, normal, triangle } = attachments;
         let texture = shade.texture.is_some();
@@ -98,12 +98,12 @@ impl Variant {
         }
     }
 
-    /// Whether its light is that of several lights or of a positional light.
+    /// Whether the variant computes the light of several lights or of a positional light.
     fn lights(self) -> bool {
         self.many && self.vertex_normal && (self.color || self.position)
     }
 
-    /// Whether it reads texture coordinates.
+    /// Whether the variant reads texture coordinates.
     pub fn texcoord(self) -> bool {
         self.textured || self.glow_textured || self.bent
     }
@@ -365,7 +365,7 @@ mod tests {
             .filter(|v| (v.textured || v.vertex_color || !v.alpha_cut) && (v.color || v.alpha_cut || !v.vertex_color))
             .filter(|v| (v.color || !v.glow) && (v.glow || !v.glow_textured))
             .filter(|v| v.texcoord() || !v.wrapped)
-            // Mirrors show colours.
+            // Mirrored cameras draw colours only.
             .filter(|v| v.color || !v.mirrored)
             .filter(|v| !v.bent || (v.vertex_normal && (v.color || v.position || v.normal)))
             // Variants that write only depth have nothing to shade.
@@ -397,11 +397,11 @@ mod tests {
             assert_eq!(source.contains("discard;"), variant.alpha_cut || variant.mirrored, "{variant:?}");
             count += 1;
         }
-        // There are 8 sets of attachments with a colour and 7 others, each with and without normals. Every way with a texture counts twice:
-        // `wrapped` or not. With a colour, there are 3 ways to be cut and coloured by vertices without a texture, and 4 with one. Without a
-        // colour, vertex colours only cut: 2 and 3 ways. With a colour, each way is without glow, with plain glow or with textured glow.
-        // Depth alone: whole, cut by a texture, by vertices, by both. Bent variants have vertex normals and a texture: 8 sets with a colour
-        // and 6 others.
+        // There are 8 sets of attachments with a colour and 7 others, each with and without normals. Variants with a texture count twice:
+        // `wrapped` or not. With a colour, `alpha_cut` and `vertex_color` have 3 combinations without a texture, and 4 with one. Without a
+        // colour, vertex colours only cut: 2 and 3 combinations. With a colour, each is without glow, with plain glow or with textured glow.
+        // Variants of depth alone are whole, cut by a texture, by vertices or by both. Bent variants have vertex normals, and a normal map as
+        // texture: 8 sets with a colour and 6 others.
         // Every variant with a colour counts twice: with and without a mirrored camera.
         let (colored, others) = (2 * 8 * 2, 7 * 2);
         let (plain, glowing) = (3 + 4 * 2, (3 + 4) * 2);

@@ -24,7 +24,7 @@ pub(crate) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle
 pub(crate) const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Number of sets of attachments that are kept for passes of other sizes or with other attachments.
+/// Greatest number of sets of attachments that are kept: for passes of several sizes, or with different attachments.
 const KEPT: usize = 4;
 /// Greatest buffer for reading back; larger frames are read in several pieces.
 const STAGING_BYTES: u64 = 256 << 20;
@@ -287,7 +287,7 @@ impl Targets {
         self.flush(gpu, staging, (viewport, part), target)
     }
 
-    /// Makes the pending copies.
+    /// Submits the pending copies, waits, and moves their pixels into `target`.
     fn flush(
         &self,
         gpu: &Gpu,
@@ -296,7 +296,7 @@ impl Targets {
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
         let Some(buffer) = &staging.buffer else { return Ok(()) };
-        // Position of the part in the target.
+        // The part's rectangle relative to the target's corner.
         let place =
             Rect { x: viewport.x + part.x - target.origin[0], y: viewport.y + part.y - target.origin[1], ..part };
         let mut encoder =
@@ -454,7 +454,7 @@ impl TargetCache {
                     self.0.remove(0);
                 }
                 match Targets::new(gpu, width, height, stored) {
-                    // Memory may be full with the other sets.
+                    // Memory may be full because of the kept sets.
                     Err(BackendError::Device { .. }) if !self.0.is_empty() => {
                         self.0.clear();
                         gpu.submit_and_wait(None, "release of attachments")?;
@@ -468,7 +468,7 @@ impl TargetCache {
         Ok(&self.0[self.0.len() - 1])
     }
 
-    /// The attachments of the last pass.
+    /// The attachments of the last pass; `None` before the first.
     pub fn last(&self) -> Option<&Targets> {
         self.0.last()
     }

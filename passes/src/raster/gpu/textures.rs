@@ -12,7 +12,7 @@ use curitiba_pipeline::scene::texture::{Sampling, Texture};
 #[derive(Debug, Default)]
 pub(super) struct DeviceTextures {
     bindings: Vec<Option<wgpu::BindGroup>>,
-    /// Bytes of device memory.
+    /// Bytes of device memory of all textures.
     pub bytes: u64,
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// `None` where the device has no timestamps.
+    /// A timer; `None` if the device has no timestamps.
     pub fn new(gpu: &Gpu) -> Result<Option<Self>, BackendError> {
         if !gpu.has(wgpu::Features::TIMESTAMP_QUERY) {
             return Ok(None);
@@ -38,8 +38,8 @@ impl Timer {
         Ok(Some(Self { queries, resolved, readable, period: gpu.queue.get_timestamp_period() }))
     }
 
-    /// Timestamps for one of several render passes that are timed together: the first pass writes the begin, and the
-    /// last the end.
+    /// Timestamps for one of several render passes that are timed together: the first pass writes the begin, the last pass
+    /// the end, and passes in between none (`None`).
     pub fn render_span(&self, first: bool, last: bool) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
         (first || last).then_some(wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,

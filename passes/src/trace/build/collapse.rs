@@ -17,7 +17,7 @@ const SHARE: usize = 512;
 /// Greatest depth at which the halves of a node are still planned in parallel.
 const DEEPEST: u32 = 64;
 
-/// The data of a half that a node needs to plan its own collapse.
+/// The data of a half, the subtree of a child, that a node of the binary tree needs to plan its own collapse.
 #[derive(Debug, Clone, Copy)]
 struct Summary {
     triangles: u32,
@@ -39,7 +39,7 @@ impl Choice {
     const OPENED: u32 = 3 * (LANES as u32 - 2);
     const LEAF: u32 = 1 << 24;
 
-    /// Whether the subtree becomes a leaf where it is a single child.
+    /// Whether the subtree becomes a leaf, not a node, where it is a single child of a wide node.
     pub(crate) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
@@ -164,7 +164,7 @@ impl<'a> Subtree<'a> {
 
 struct Planner<'a, L> {
     tree: &'a Bvh2,
-    /// Nodes with a smaller index may have halves that are planned in parallel.
+    /// Nodes of the binary tree with a smaller index are large: their halves may be planned in parallel.
     large: usize,
     progress: &'a Progress,
     leaf: PhantomData<fn() -> L>,

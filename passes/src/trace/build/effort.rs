@@ -32,7 +32,7 @@ impl Quality {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Effort {
     pub(crate) search: PlocSearchDistance,
-    /// Number of first passes that look at direct neighbours only.
+    /// Number of passes of the clustering, from the first on, that look at direct neighbours only.
     pub(crate) threshold: usize,
     /// Share of the nodes that the first pass of reinsertion tries to move to a better place; later passes try fewer.
     pub(crate) reinsertion: f32,

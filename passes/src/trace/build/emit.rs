@@ -10,12 +10,13 @@ use rayon::prelude::*;
 
 /// Levels of wide nodes that follow the binary tree. Below them, subtrees are rebuilt by halving, so that their depth is bounded.
 pub(crate) const FREE_DEPTH: usize = 24;
-/// Greatest number of levels. 2³¹ triangles cut into 8 equal parts reach leaves of 8 triangles after 10 levels, and leaves of 3 after 11.
+/// Greatest number of levels. 2³¹ triangles, cut into 8 equal parts at each level, are parts of 2 after 10 levels; one level more is a
+/// margin.
 pub(crate) const MAX_DEPTH: usize = FREE_DEPTH + 11;
 /// The traversal stack suffices: each node on the way down leaves at most 7 siblings on it, and the last node needs room for eight.
 const _: () = assert!(MAX_DEPTH * (LANES - 1) + LANES <= STACK);
 
-/// Cheap nodes or leaves that a thread takes at a time.
+/// Least number of nodes or leaves that a thread takes at a time where the work for each is small.
 pub(crate) const GRAIN: usize = 4096;
 
 /// The wide tree as it is written.
@@ -27,7 +28,7 @@ pub(crate) struct Emitted<L> {
 }
 
 /// Writes the tree: first which nodes and leaves there are, then the leaves, and then the nodes around them. `None` if cancelled, which is
-/// checked before each of these steps and before each part of the first.
+/// checked before each part of the first step and before each of the other two.
 pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>, progress: &Progress) -> Option<Emitted<L>> {
     let layout = Layout::new(&Source { plan, triangles, most: L::MOST }, progress)?;
     if progress.is_cancelled() {

@@ -67,7 +67,7 @@ pub struct BinaryTree {
     pub triangles: Vec<[[u32; 4]; 3]>,
     /// The node or leaf at the root of all but the sky ([`Geometry::sky`]); `None` if there is no such triangle.
     pub root: Option<u32>,
-    /// The node or leaf at the root of all triangles, those of the sky included.
+    /// The node or leaf at the root of all triangles, those of the sky included; `None` if there are none.
     pub whole: Option<u32>,
     /// Low and high corner of the bounds of all triangles.
     pub bounds: [[f32; 3]; 2],

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 /// Flag in the id of a transparent triangle, whose hits the program must accept or reject.
 pub const TRANSPARENT: u32 = tree::TRANSPARENT;
-/// Entries of the traversal stack: one a level, and one for the root.
+/// Entries of the traversal stack: at most one a level, and two to spare.
 pub const STACK: usize = MAX_DEPTH + 2;
 
 /// The error bounds of the device programs, with their names in device code.
@@ -266,7 +266,7 @@ impl DeviceNode {
     }
 }
 
-/// Lower than any distance that is compared.
+/// Marks children and slots that are assigned; lower than any distance that is compared.
 const OUT: f32 = f32::NEG_INFINITY;
 
 /// Index of the first occurrence of a value in a list.
@@ -374,7 +374,7 @@ mod tests {
     fn a_sky_is_in_a_tree_of_its_own() {
         let mut geometry = soup(900, 0.0, 0.1);
         assert!(DeviceTree::of_sky(&geometry, &[], Quality::Balanced).is_none());
-        // The second material.
+        // The triangles of the second material are the sky.
         geometry.sky = TriangleRanges::of_triangles(&geometry, &[false, true]);
         let ground = DeviceTree::build(&geometry, &[false, true], Quality::Balanced);
         let sky = DeviceTree::of_sky(&geometry, &[false, true], Quality::Balanced).expect("there is one");

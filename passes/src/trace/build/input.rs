@@ -6,7 +6,7 @@ use curitiba_pipeline::scene::Geometry;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
-/// Triangles that a thread takes at a time. No pair is formed across two such parts.
+/// Triangles that a thread takes at a time. Triangles of two such parts never become one leaf of the binary tree.
 const GRAIN: usize = 8192;
 
 /// All triangles of a scene, read where the scene stores them. A copy with all corners would be several times as large, and neighbouring
@@ -112,9 +112,9 @@ pub(crate) struct Survey {
 }
 
 impl Survey {
-    /// Surveys all triangles. Two consecutive triangles that share an edge become one leaf if wide leaves hold at least four triangles
-    /// (`most`). The result does not depend on the number of threads, not even the sign of a zero.
-    /// `None` if cancelled, which is checked between the parts that threads take.
+    /// Surveys all triangles. If wide leaves hold at least four triangles (`most`), two consecutive ones become one leaf where they share
+    /// an edge and `is_pair` finds their joint box small enough. The result does not depend on the number of threads, not even the sign of
+    /// a zero. `None` if cancelled, which is checked between the parts that threads take.
     pub(crate) fn new(triangles: &Triangles<'_>, most: usize, progress: &Progress) -> Option<Self> {
         let count = triangles.geometry.triangles.len();
         let part = |part: usize| {
@@ -199,7 +199,8 @@ impl Extent {
     }
 }
 
-/// Whether two triangles form one leaf: they share two corners, and the box around both has no more surface than their two boxes together.
+/// Whether two triangles form one leaf: they share at least two corners, and the box around both has no more surface than their two boxes
+/// together.
 #[inline]
 fn is_pair(first: &[Vec3A; 3], second: &[Vec3A; 3], own: Extent, other: Extent) -> bool {
     let shared = first.iter().filter(|corner| second.contains(corner)).count();

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// boxes it visits all of them for each candidate. Scenes have 50 to 300.
 const MAX_OVERLAP: f64 = 1000.0;
 
-/// Greatest growth of a leaf's box on each side, as a share of its size.
+/// Greatest growth of a leaf's box on each side, as a share of its longest side.
 const GROWTH: f32 = 1.0 / 64.0;
 
 /// Nodes that a thread takes at a time.
@@ -24,11 +24,12 @@ const GRAIN: usize = 8192;
 
 /// The binary tree over leaves of one triangle or two: `prim_count` triangles from id `first_index` on.
 ///
-/// Two consecutive triangles that share an edge are one leaf ([`Survey::new`]): meshes are full of such pairs, and obvhs has half the work.
+/// Two consecutive triangles that share an edge are one leaf if the box around both is small enough ([`Survey::new`]): meshes are full of
+/// such pairs, and obvhs has half the work.
 ///
 /// obvhs's clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal boxes merges one
-/// pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side by a pseudo-random 1/64 of their
-/// size at most. Only the topology of its tree is used, and its areas to choose by.
+/// pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side by a pseudo-random length, at most
+/// about 1/64 of their longest side. Only the topology of its tree is used, and its areas to choose by.
 ///
 /// `None` if cancelled. That is checked before the library clusters and before it optimises, but not inside either.
 pub(crate) fn binary_tree(
@@ -73,7 +74,7 @@ pub(crate) fn binary_tree(
         PlocSearchDistance::VeryLow => {
             builder.build_ploc_from_leaves::<2, false>(&mut tree, cube, precision, threshold)
         }
-        // obvhs's own distance is 6: building takes a fourteenth longer, and rays are no faster.
+        // With obvhs's own distance, 6, building takes a fourteenth longer, and rays are no faster.
         PlocSearchDistance::Low => builder.build_ploc_from_leaves::<5, false>(&mut tree, cube, precision, threshold),
         PlocSearchDistance::Medium => {
             builder.build_ploc_from_leaves::<14, false>(&mut tree, cube, precision, threshold)

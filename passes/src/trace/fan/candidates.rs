@@ -12,12 +12,12 @@ use glam::Vec3;
 
 /// Greatest number of gathered triangles.
 const GATHERED: usize = 512;
-/// Gathered triangles allowed for any number of rays; each two rays allow three more. With 160 for sixteen rays, short rays on a scan and
-/// in Sponza took more than twice as long as without gathering.
+/// Gathered triangles allowed for any number of rays; each two rays allow three more. With a limit of 160 triangles for sixteen rays, short
+/// rays on a scan and in Sponza took more than twice as long as without gathering.
 const FEW_GATHERED: usize = 16;
 /// Triangles are gathered only in scenes that are more than this many times as long as the rays.
 const LONG: f32 = 4.0;
-/// Nodes and leaves visited before the search gives up.
+/// Greatest number of nodes and leaves that the search visits before it gives up.
 const VISITS: usize = 256;
 /// Vectors of rays that are tested together.
 const VECTORS: usize = 8;
@@ -41,7 +41,7 @@ impl Neighbourhood {
     /// Fans that share a neighbourhood: those of 4 x 4 pixels.
     pub(crate) const FANS: usize = 16;
 
-    /// The neighbourhood of fans; `None` if their intervals differ, or an origin is not finite.
+    /// The neighbourhood of fans; `None` if there are none, their intervals differ, or an origin is not finite.
     pub(crate) fn of(fans: &[Fan<'_>]) -> Option<Self> {
         let &Fan { origin, above, t_min, t_max, .. } = fans.first()?;
         let mut around = Self { origins: [origin; 2], above, t_min, t_max, rays: 0 };
@@ -74,7 +74,7 @@ pub struct Candidates {
     t_max: f32,
     instruction_set: Detected,
     origin: Vec3,
-    /// The triangles as cones seen from `origin`. Only the first `facing` are valid.
+    /// The triangles as cones seen from `origin`. Only the first `facing` groups are valid.
     cones: Vec<Cones>,
     facing: usize,
     directions: Directions,
@@ -205,7 +205,8 @@ impl Zone {
 impl Kernel<bool> for Gather<'_> {
     /// Finds the triangles whose bounds meet the zone of all rays. Gives up if they are too many or take too many visits.
     ///
-    /// The box is grown by more than the rounding error of the triangle test, so it contains every triangle that a ray would hit.
+    /// The zone's box is grown by more than the rounding error of the triangle test, so the bounds of every triangle that a ray would hit
+    /// meet it.
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
         let Self { tree, instruction_set, around, candidates } = self;
@@ -354,7 +355,8 @@ impl<A: FnMut(&Hit) -> bool> Kernel<Option<u32>> for CountOpen<'_, A> {
 }
 
 impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
-    /// Of the first `rays` rays of some vectors, how many are stopped by no triangle; `None` if a direction is too long.
+    /// Number of the first `rays` rays of some vectors that no triangle stops; `None` if a direction is longer than 1 by more than
+    /// rounding.
     #[inline(always)]
     fn chunk<S: Simd, const AFTER: bool>(&mut self, simd: S, vectors: &[[F16; 3]], rays: usize) -> Option<u32> {
         let mut open = [NO_LANES; VECTORS];
@@ -433,7 +435,7 @@ fn close<S: Simd, const AFTER: bool, const SIDED: bool>(
     (some, left)
 }
 
-/// Whether every direction is finite and no longer than [`LONGEST`].
+/// Whether every direction is finite and certainly no longer than [`LONGEST`].
 #[inline(always)]
 fn are_short<S: Simd>(simd: S, vector: &[F16; 3]) -> bool {
     let [x, y, z] = load_axes(simd, vector);

@@ -14,16 +14,16 @@ use crate::trace::simd::{F16, Mask, NO_LANES, Simd, WIDE, load_axes, vector_at};
 use crate::trace::tree::{Ball, Leaf, Plane, TRANSPARENT};
 use glam::{DVec3, Vec3};
 
-/// Up to sixteen triangles, with what does not depend on the rays' origin.
+/// Up to sixteen triangles, with the numbers that do not depend on the rays' origin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TriangleGroup {
     /// `[corner][axis]`.
     corners: [[F16; 3]; 3],
-    /// Normals whose largest component is 1; NaN for triangles that the cone test must not decide.
+    /// Normals whose largest component is 1; NaN for triangles so thin that the cone test must not decide by their planes.
     normal: [F16; 3],
     /// Lengths of the normals.
     length: F16,
-    /// Height of each triangle's plane above the centre, along the normal.
+    /// Height of each triangle's plane above the neighbourhood's centre, along the normal.
     height: F16,
     ids: [u32; WIDE],
     /// Lanes in use, one bit a triangle, transparent triangles included.
@@ -133,7 +133,7 @@ impl TriangleGroup {
     }
 
     /// Computes the cones of the triangles in `near`, leaving out those that no ray can hit. Returns `false` if none is left. For a
-    /// degenerate triangle nothing is certain: all rays stay undecided.
+    /// degenerate triangle no hit is certain, and a miss only by the planes of the edges.
     ///
     /// With `o` the origin, `a`, `b`, `c` the corners relative to it, `n` the normal (largest component 1, away from the origin) and
     /// `h = n · a` its height above the origin, whose error is at most `ε`:
@@ -194,7 +194,7 @@ impl TriangleGroup {
         let broad = sided & simd.wide_at_most(simd.wide_mul(most, simd.wide_splat(EDGE_ON)), height);
         let (least, margin) = interval(simd, height, error, view.t_max);
         let beyond = simd.wide_sub(least, margin);
-        // No direction is longer than `LONGEST`, so no ray reaches a plane for which this holds.
+        // No direction is longer than `LONGEST`, so no ray reaches a plane that is at least this far.
         let reach = simd.wide_mul(simd.wide_load(&self.length), simd.wide_splat(LONGEST * LONGEST));
         seen &= !(broad & simd.wide_at_most(reach, beyond));
         let after = if view.t_min > 0.0 {

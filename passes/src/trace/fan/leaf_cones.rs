@@ -59,7 +59,7 @@ impl<S: Simd> LeafCones<S> {
         self.possible == NO_LANES
     }
 
-    /// Whether a ray may hit the leaf. If `false`, its line certainly misses all triangles.
+    /// Whether a ray may hit the leaf. If `false`, it certainly misses all triangles.
     #[inline(always)]
     pub(crate) fn may_stop(&self, simd: S, direction: [f32; 3]) -> bool {
         let (x, y, z) = (simd.splat(direction[0]), simd.splat(direction[1]), simd.splat(direction[2]));

@@ -52,7 +52,7 @@ impl<A: FnMut(&Hit) -> bool> Kernel<u32> for CountOpen<'_, A> {
     }
 }
 
-/// What all rays of a fan have in common.
+/// The data that all rays of a fan share.
 struct Common {
     start: Start,
     plane: Option<Plane>,
@@ -124,7 +124,7 @@ impl FanLanes {
     }
 }
 
-/// Rays of a fan with what they have in common.
+/// Up to sixteen rays of a fan, with the data that all its rays share.
 struct Spread<'a> {
     common: &'a Common,
     lanes: &'a FanLanes,

@@ -5,17 +5,17 @@ use crate::trace::rounding::{OFFSET_MARGIN, OFFSET_REACH, OFFSET_UNITS, UNIT_ROU
 use curitiba_pipeline::scene::Geometry;
 use glam::{DVec3, Vec3};
 
-/// A point on a triangle, with a bound on its rounding error.
+/// A point on a triangle or an exact sphere, with a bound on its rounding error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
     /// Position, world, within [`Self::error`] of the triangle's plane.
     pub position: Vec3,
-    /// Unit normal of the triangle's plane, counter-clockwise side; 0 for a degenerate triangle.
+    /// Unit normal of the triangle's plane, counter-clockwise side; 0 for a degenerate triangle. On a sphere it points outwards.
     pub normal: Vec3,
-    /// Where rays start before they are moved off the plane: the position, moved away from the borders of the triangle by its rounding
-    /// error along them.
+    /// Where rays start before they are moved off the plane: the position, moved along the plane away from those borders of the triangle
+    /// that are nearer than a bound on the position's rounding error.
     pub(crate) start: Vec3,
-    /// Bound of the distance from the plane of positions that are computed on it, including those that a ray test computes.
+    /// Bound on the distance between the plane and positions that are computed to lie on it, including those that a ray test computes.
     pub error: f32,
 }
 

@@ -87,7 +87,7 @@ impl SurfacePoints {
         [simd.load(&self.position[0]), simd.load(&self.position[1]), simd.load(&self.position[2])]
     }
 
-    /// Points that may be so near a border that rays start elsewhere.
+    /// Points that may be so near a border that rays start at another point.
     #[inline(always)]
     pub(crate) fn near<S: Simd>(&self, simd: S) -> Mask {
         simd.at_most(simd.load(&self.inside), simd.splat(0.0))

@@ -1,8 +1,9 @@
 //! Traverses the tree with packets: sorts their rays into prepared packets, up to sixteen of which share the upper part of the tree.
 //!
 //! A prepared packet is up to sixteen rays of one packet that have the same octant and main axis. Up to sixteen prepared packets of the
-//! same octant are a group. A node's eight children are tested against the interval of the whole group, and each child that is met against
-//! the intervals of the members, one member a lane. Where few members are left, each goes on by itself ([`Descent`]).
+//! same octant are a group. In closest-hit queries, a node's eight children are tested against the interval of the whole group, and each
+//! child that is met against the intervals of the members, one member a lane. Where few members are left, each goes on by itself
+//! ([`Descent`]).
 
 use super::interval::{Interval, Intervals};
 use super::octant::{Octant, Octants};
@@ -64,7 +65,7 @@ struct Any<'a, A> {
 
 /// A query on sorted rays. A trait instead of closures, because a closure is compiled for the instruction set only where it is inlined.
 trait Part {
-    /// Traces a group of one octant; `packet_of` holds the packet of each member.
+    /// Traces a group of one octant; `packet_of` holds the index of each member's packet.
     fn group<S: Simd>(&mut self, simd: S, group: &mut [PreparedPacket], packet_of: &[usize; GROUP]);
     /// Traces a single ray, given by its packet and lane.
     fn ray<S: Simd>(&mut self, simd: S, packet: usize, lane: usize);
@@ -116,7 +117,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for Any<'_, A> {
 struct Sorted<'a> {
     tree: &'a WideTree,
     packets: &'a [Packet],
-    /// Number of the first of these packets.
+    /// Index of the first of these packets among all packets of the query.
     first: usize,
 }
 

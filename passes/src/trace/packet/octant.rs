@@ -86,7 +86,7 @@ impl Octants {
         Octant(self.0[lane])
     }
 
-    /// The lanes whose rays have an octant.
+    /// The lanes whose rays have this octant.
     #[inline(always)]
     pub(crate) fn lanes(&self, octant: Octant) -> Mask {
         let mut lanes = NO_LANES;

@@ -152,7 +152,7 @@ impl PreparedPacket {
         simd.wide_at_most(enter, leave)
     }
 
-    /// The interval of the operands of the open rays.
+    /// The interval of the slab-test operands of the open rays.
     #[inline(always)]
     pub(crate) fn interval<S: Simd>(&self, simd: S) -> Interval {
         let backward = self.octant.backward();

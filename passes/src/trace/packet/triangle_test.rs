@@ -51,7 +51,7 @@ impl PreparedPacket {
         }
     }
 
-    /// Keeps those hits on the triangle in a lane of a leaf that are nearer than the nearest so far.
+    /// Keeps those hits on the triangle in a lane of a leaf that are nearer than the nearest so far, or as near with a lower id.
     #[inline(always)]
     pub(crate) fn approach<S: Simd>(
         &mut self,

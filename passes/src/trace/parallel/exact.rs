@@ -20,8 +20,9 @@ use crate::trace::tree::{Child, WideTree};
 /// With fewer rays than this, a list is not worth it.
 const FEW: u32 = 16;
 
-/// Finds the blocked rays of up to [`TOGETHER`] packets, one bit a ray, if all rays have one direction; otherwise does nothing and returns
-/// false. `accept` also receives the ray's number: 16 times the index of its packet, plus its lane.
+/// Finds the blocked rays of up to [`TOGETHER`] packets, one bit a ray, if all rays have one direction and interval. Does nothing and
+/// returns false if not, if there are fewer than [`FEW`] rays, or if numbers might overflow. `accept` also receives the ray's number: 16
+/// times the index of its packet, plus its lane.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd>(
     simd: S,
@@ -81,7 +82,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Undecided for Exact<'_, A> {
     }
 }
 
-/// What the rays of some packets have in common.
+/// The data that the rays of some packets share.
 struct Rays<'a> {
     packets: &'a [Packet],
     octant: Octant,
@@ -90,7 +91,8 @@ struct Rays<'a> {
 }
 
 impl<'a> Rays<'a> {
-    /// The common data, the origin of one of the rays, and the direction; `None` if the directions differ, or there are too few rays.
+    /// The common data, the origin of one of the rays, and the direction; `None` if directions or intervals differ, or there are fewer than
+    /// [`FEW`] rays.
     #[inline(always)]
     fn of<S: Simd>(simd: S, packets: &'a [Packet]) -> Option<(Self, [f32; 3], [f32; 3])> {
         let model = packets.iter().find(|packet| packet.active != 0)?;

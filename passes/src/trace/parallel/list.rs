@@ -24,7 +24,7 @@ pub(crate) struct List {
     pub(crate) ids: [u32; MOST + WIDE],
     /// Projections of the triangles that are being compared.
     pub(crate) projected: [ProjectedTriangles; GROUP],
-    /// For each triangle, the index of its leaf and its lane there. `lane_of` is filled only if `gather` was told so.
+    /// For each triangle, the index of its leaf and its lane there. `lane_of` is filled only if `gather` was called with `LANES_TOO`.
     pub(crate) leaf_of: [u32; MOST + WIDE],
     pub(crate) lane_of: [u32; MOST + WIDE],
     pub(crate) len: usize,

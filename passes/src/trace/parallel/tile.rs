@@ -7,7 +7,8 @@ use crate::trace::simd::{Mask, NO_LANES, Simd, WIDE};
 use crate::trace::tree::{TRANSPARENT, WideTree};
 use std::ops::Range;
 
-/// Number of packets that share a list, by level. Where a list would be too long, fewer packets share one; in the end no list is made.
+/// Number of packets that share a list, by level. Where a list would be too long, fewer packets share one; if it is too long even for a
+/// single packet, no list is made.
 pub(crate) const LEVELS: [usize; 3] = [TOGETHER, 4, 1];
 
 /// How rays that a list leaves undecided are handled.
@@ -38,7 +39,7 @@ pub(crate) struct Tile<'a> {
     pub(crate) valid: &'a [Mask; TOGETHER],
     pub(crate) projection: &'a Projection,
     pub(crate) seen: &'a [ProjectedRays; TOGETHER],
-    /// Whether a ray that meets an opaque triangle in front of its origin is stopped at any distance (`t_max` is infinite).
+    /// Whether a ray that meets an opaque triangle in front of its origin is stopped at any distance (`t_min` is 0 and `t_max` infinite).
     pub(crate) hits_are_certain: bool,
 }
 
@@ -70,8 +71,8 @@ impl Tile<'_> {
     /// their zone is `Z`, with area `A(Z)`. The levels are tried from the largest group to the smallest:
     ///
     /// * `tried[l]` is the packet up to which level `l` failed. The first level with `tried[l] <= todo.start` is tried.
-    /// * A level is skipped if `A(Z) > A(Z') / 2`, where `Z'` is the zone of the level above it, whose list was too long: a zone of more
-    ///   than half the area holds about as many triangles. It is also skipped once a list of its level was too long (`in_vain`).
+    /// * A level is skipped if `A(Z) > A(Z') / 2`, where `Z'` is the zone of the next larger group, which failed: a zone of more than half
+    ///   the area holds about as many triangles. It is also skipped once a list of its level was too long (`in_vain`).
     /// * Where no level is left, the rays of the packet are answered without a list.
     #[inline(always)]
     pub(crate) fn answer<S: Simd, U: Undecided>(

@@ -8,12 +8,12 @@ use glam::DVec3;
 
 /// A binary tree over triangles in `f64`, which gives exactly the answers of [`BruteForce`](crate::trace::BruteForce).
 ///
-/// It shares no code with [`Bvh`](crate::trace::Bvh): neither the tree, nor the box test, nor the triangle test, nor the
-/// precision. Boxes are larger than their triangles by far more than rounding can matter, and are left unvisited only
-/// where they begin clearly behind the nearest hit. So the tree affects only the time, not the answers.
+/// It shares no code with [`Bvh`](crate::trace::Bvh): neither the tree, nor the box test, nor the triangle test, nor the precision. Boxes
+/// are larger than their triangles by far more than rounding can matter, and a box that the ray meets is left unvisited only where it
+/// begins clearly behind the nearest hit. So the tree affects only the time, not the answers.
 ///
-/// Built over the surface-area heuristic in 16 bins (Wald, "On fast Construction of SAH-based Bounding Volume
-/// Hierarchies", 2007). About 150 to 250 bytes a triangle.
+/// Built by the surface-area heuristic in 16 bins (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007). About 150
+/// to 250 bytes a triangle.
 #[derive(Debug, Clone)]
 pub struct Double {
     nodes: Vec<Node>,
@@ -101,7 +101,7 @@ impl From<&Ray> for DoubleRay {
     }
 }
 
-/// Where a [`DoubleRay`] hits a triangle.
+/// Where a [`DoubleRay`] hits a triangle, or an exact sphere in reference pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DoubleHit {
     /// Distance along the ray.
@@ -110,7 +110,7 @@ pub struct DoubleHit {
     pub u: f64,
     /// Barycentric coordinate of corner 2.
     pub v: f64,
-    /// Id of the triangle.
+    /// Id of the triangle or sphere.
     pub triangle: u32,
 }
 

@@ -19,7 +19,7 @@ pub(crate) const WIDE: usize = 2 * LANES;
 #[repr(C, align(64))]
 pub(crate) struct F16(pub(crate) [f32; WIDE]);
 
-/// The vector in one lane of sixteen, which are stored by axis.
+/// The three-dimensional vector in one lane of sixteen such vectors, which are stored by axis.
 #[inline(always)]
 pub(crate) fn vector_at(axes: &[F16; 3], lane: usize) -> Vec3 {
     Vec3::new(axes[0].0[lane], axes[1].0[lane], axes[2].0[lane])

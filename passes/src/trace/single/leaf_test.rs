@@ -24,8 +24,8 @@ impl Leaf {
 
     /// Calls `found` for the hits of the leaf with `t_min < t <= t_limit`, until it returns true.
     ///
-    /// `found` receives the hit, whether its triangle is transparent, and `t_limit`, which it may lower. It returns whether to stop.
-    /// Returns whether it stopped.
+    /// `found` receives the hit, whether its triangle is transparent, and `t_limit`, which it may lower. `found` returns whether to stop,
+    /// and this function returns whether it stopped.
     #[inline(always)]
     pub(crate) fn intersect<S: Simd>(
         &self,

@@ -1,6 +1,6 @@
 //! Single rays: the watertight test of a ray and a leaf, and the traversal of the tree.
 //!
-//! [`RayQueue`] interleaves several single rays: packets and fans end in it where few of their rays are left in a subtree.
+//! [`RayQueue`] interleaves several single occlusion rays: packets and fans hand their rays to it where few are left in a subtree.
 //! May use: `tree`, `ray`, `rounding`, `simd`.
 
 mod leaf_test;

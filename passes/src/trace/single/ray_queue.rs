@@ -1,7 +1,7 @@
-//! A queue of single rays, each with the nodes that it has yet to visit; it takes several steps at a time.
+//! A queue of single rays, each with the nodes that it has yet to visit. The queue takes several steps at a time.
 //!
-//! A single ray waits for memory and for its own tests: for its node, for the test of the children, for which of them to visit next. The
-//! processor also mispredicts how many children are met most of the time. Here the pending nodes of several rays lie on one list, and eight
+//! A single ray waits for memory and for its own tests: for its node, for the test of the children, for which of them to visit next. Most
+//! of the time, the processor also mispredicts how many children are met. Here the pending nodes of several rays lie on one list, and eight
 //! are taken from its end at a time, so that no step needs the result of the step before it. Children are appended by one vector
 //! instruction, however many they are. Leaves that are met go to a second list, and are tested before more nodes are taken.
 
@@ -118,7 +118,8 @@ impl<'a> RayQueue<'a> {
         self.leaves.append(simd.compress(children, leaves), ray as u8, leaves.count_ones());
     }
 
-    /// Traces what is pending to its end, ray by ray, when the list might have no room for more nodes. Returns the rays that are stopped.
+    /// Traces the pending nodes to their ends, ray by ray, when the list might have no room for more nodes. Returns the rays that are
+    /// stopped.
     #[cold]
     #[inline(never)]
     fn alone<S: Simd>(

@@ -45,8 +45,8 @@ struct Entry {
 
 /// Spheres in a tree, so that a ray is tested only against those near it.
 ///
-/// The answers do not depend on the tree. A sphere is hit if the ray meets its box, in `f64`, and its surface, in `f32`; and the box of a
-/// node is met wherever a box inside it is. Of equal distances the lowest id wins.
+/// The answers do not depend on the tree. A sphere is hit if the ray meets its box, in `f64`, and its surface, in `f32`; and a node's box
+/// is met by every ray that meets a box inside it. Of equal distances the lowest id wins.
 #[derive(Debug, Default)]
 pub struct SphereTree {
     nodes: Vec<Node>,
@@ -72,7 +72,7 @@ impl Slabs {
         Some(Self { origin: ray.origin.as_dvec3(), reciprocal, t_min: ray.t_min.into() })
     }
 
-    /// Distance at which the ray enters a box; `None` if it misses the box within `t_max`.
+    /// Distance at which the ray enters a box; `None` if it does not meet the box between its `t_min` and `t_max`.
     fn enters(&self, bounds: &Bounds, t_max: f32) -> Option<f64> {
         let low = (bounds.low.as_dvec3() - self.origin) * self.reciprocal;
         let high = (bounds.high.as_dvec3() - self.origin) * self.reciprocal;

@@ -1,4 +1,4 @@
-//! Leaves of up to eight triangles and the watertight test of one ray against all of them.
+//! Leaves of up to eight triangles, and the tests of their triangles against boxes, planes and balls.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 

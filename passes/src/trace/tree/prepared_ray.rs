@@ -1,4 +1,4 @@
-//! What is computed once for each ray: the shear of the triangle test and the padded origins of the slab test.
+//! Numbers that are computed once for each ray: the shear of the triangle test and the padded origins of the slab test.
 
 use super::volumes::{Bounds, slab_padding};
 use crate::trace::ray::Ray;
@@ -60,8 +60,8 @@ impl Start {
         [[most(0), most(1), most(2)], [least(0), least(1), least(2)]]
     }
 
-    /// The data of [`PreparedRay::new`] for triangle tests. The direction must be one that it does not refuse, and have no component that
-    /// it flushes to 0.
+    /// The data of [`PreparedRay::new`] for triangle tests. The direction must be one that [`PreparedRay::new`] does not refuse, without a
+    /// component that it flushes to 0.
     #[inline(always)]
     pub(crate) fn line(&self, direction: [f32; 3], shear: [f32; 2], longest: usize) -> Line {
         Line {
@@ -114,7 +114,7 @@ fn doubt(reach: Vec3, t_min: f32) -> f32 {
     0.5 * DOUBT * UNIT_ROUNDOFF * (reach.element_sum() + t_min)
 }
 
-/// What the triangle tests need of a ray.
+/// The data of a ray that the triangle tests use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Line {
     pub(crate) origin: [f32; 3],

@@ -46,7 +46,7 @@ impl<T: Copy + PartialOrd> Stack<T> {
     #[inline(always)]
     pub(crate) fn pop(&mut self) -> Option<T> {
         self.len = self.len.checked_sub(1)?;
-        // SAFETY: the index is the last one below the old `len`.
+        // SAFETY: the index is the last one below the old `len`, so by the invariant of `Stack` the entry is initialised.
         Some(unsafe { self.entries[self.len].assume_init() })
     }
 
@@ -59,11 +59,11 @@ impl<T: Copy + PartialOrd> Stack<T> {
     #[inline(always)]
     pub(crate) fn sort_from(&mut self, start: usize) {
         for next in start + 1..self.len {
-            // SAFETY: `next` is below `len`.
+            // SAFETY: `next` is below `len`, so by the invariant of `Stack` the entry is initialised.
             let entry = unsafe { self.entries[next].assume_init() };
             let mut slot = next;
             while slot > start {
-                // SAFETY: `slot - 1` is below `next`, which is below `len`.
+                // SAFETY: `slot - 1` is below `next`, which is below `len`: initialised by the invariant of `Stack`.
                 let previous = unsafe { self.entries[slot - 1].assume_init() };
                 if previous >= entry {
                     break;
@@ -187,7 +187,7 @@ impl<const N: usize> List<N> {
     #[inline(always)]
     pub(crate) fn get(&self, index: usize) -> (u32, usize) {
         assert!(index < self.len, "an entry of the list");
-        // SAFETY: the index is below `len`.
+        // SAFETY: the index is below `len`, so by the invariant of `List` the entry and its ray are initialised.
         unsafe { (self.entries[index].assume_init(), usize::from(self.rays[index].assume_init()) % WIDE) }
     }
 }

@@ -34,7 +34,7 @@ impl Bounds {
         side.x * side.y + side.y * side.z + side.z * side.x
     }
 
-    /// The middle of the bounds; it overflows only if they are empty.
+    /// The middle of the bounds, which does not overflow; NaN if they are empty.
     pub(crate) fn middle(&self) -> Vec3 {
         self.low * 0.5 + self.high * 0.5
     }
@@ -91,7 +91,7 @@ impl Ball {
         Self { origins, square: grown * grown }
     }
 
-    /// The lanes of boxes that certainly lie outside; boxes with NaN do not count.
+    /// The lanes of boxes that certainly lie outside; unused lanes, which hold NaN, are not among them.
     #[inline(always)]
     pub(crate) fn misses<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
         let zero = simd.splat(0.0);

@@ -67,7 +67,7 @@ fn cases() -> Vec<Case> {
     for (ball, index) in INDICES.into_iter().enumerate() {
         let mut add = |x: f64, y: f64, width: f32| {
             if x * x + y * y > 1.02 && x >= 0.0 {
-                // Positions have 48 bits, as surfaces give them.
+                // Programs get positions of 48 bits, as those of surfaces.
                 cases.push(Case { ball, at: DVec2::new(x, y), width });
             }
         };
@@ -133,7 +133,7 @@ fn found(rays: &WgpuRays, balls: &[Ball], cases: &[Case], change: impl Fn(String
     words.into_iter().map(|words| words.map(f32::from_bits)).collect()
 }
 
-/// Errors relative to the light, or to a thousandth of the sun's light where that is more: the largest, the root mean square, and the place
+/// Errors relative to the light, or to a thousandth of the sun's light where that is more: the largest, the root mean square, and the case
 /// of the largest.
 #[derive(Debug)]
 struct Errors {
@@ -195,7 +195,7 @@ fn the_light_of_a_sphere_is_that_of_the_processor_in_f64() {
         assert_eq!(text.matches(exact).count(), 1);
         text.replace(exact, bare)
     });
-    // Off the axis, where no other error is as large.
+    // Compared off the axis, where no other error is as large as that of m.
     let narrow = |case: &Case| far(case) && case.width < 2e-3 && case.at.x > 0.1;
     let (plain, wide) = (of(&plain, &narrow), of(&words, &narrow));
     println!("off the axis, far: {wide:?}; in 32 bits: {plain:?}");

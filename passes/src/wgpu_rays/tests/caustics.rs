@@ -135,7 +135,7 @@ fn the_irradiance_below_a_sphere_has_the_closed_form() {
 const EYE: Vec3 = Vec3::new(0.2, 0.4, 7.0);
 
 /// Spheres over a floor and before a wall, of which some focus light: a clear one, one that absorbs, one that lies in a block of glass, two that
-/// touch, and one of index 1; beside a red thin wall that takes of focused light.
+/// touch, and one of index 1; beside a red thin wall that absorbs some of the focused light.
 fn spheres() -> World {
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.25, -0.8, -0.5)) };
     let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
@@ -173,7 +173,7 @@ fn seen(world: &World, params: RayParams, expected: &[[f32; 4]]) -> usize {
 #[test]
 fn focused_light_falls_where_the_processors_does() {
     let world = spheres();
-    // Several kernels, one after the other, without occlusion and with it; a light that is a point, and a disc.
+    // Several kernels, one after the other: without occlusion under a light that is a point, and with occlusion under a disc.
     for params in
         [auto(2, GlassShadow::Caustic, 0), RayParams { sun: 1.5, sun_samples: 4, ..auto(2, GlassShadow::Caustic, 2) }]
     {
@@ -201,7 +201,7 @@ fn pixels_whose_points_do_not_fit_have_the_same_light() {
     let (found, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
     rays.room = None;
     assert_eq!(differing(&found, &expected, 1e-3), 0);
-    // There was one launch, whose points are counted behind the rays.
+    // There was one launch. The number of its points lies behind the ray counts.
     let mut listed = 0;
     let mut encoder = rays.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
     encoder.copy_buffer_to_buffer(&rays.counts, 0, &rays.counts_staging, 0, COUNTS_BUFFER_BYTES);

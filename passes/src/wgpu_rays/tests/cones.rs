@@ -50,7 +50,7 @@ fn mirrors_and_panes_read_the_levels_that_the_processor_reads() {
     let world = court([solid(1.5), thin()], false);
     agrees(&world, RayProgram::Reflection, params(TextureLod::Cones));
     agrees(&world, RayProgram::Refraction, params(TextureLod::Cones));
-    // The last of its kernels contains everything that a single one would.
+    // The last kernel of `final` contains everything that a single kernel would.
     agrees(&world, RayProgram::Final, RayParams { samples: 2, ..params(TextureLod::Cones) });
 }
 

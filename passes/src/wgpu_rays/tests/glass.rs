@@ -175,7 +175,7 @@ pub(super) fn ways(alphas: [f32; 3], spreads: [f32; 3]) -> [Dielectric; 3] {
     [0, 1, 2].map(|place| Dielectric { alpha: alphas[place], spread: spreads[place], ..Dielectric::default() })
 }
 
-/// Compares the backends, and checks that what the world or the parameters ask for changes the picture: `plain` is without it.
+/// Compares the backends on `asked`, and checks that its picture differs from that of `plain`, which lacks the tested property.
 fn differs_from_plain(asked: (&World, RayParams), plain: (&World, RayParams), program: RayProgram) -> Option<()> {
     let eye = Vec3::new(0.2, 0.4, 7.0);
     let [found, expected] = both(asked.0, eye, program, asked.1)?;
@@ -194,7 +194,7 @@ fn rough_bodies_and_walls_show_what_the_processors_do() {
     let params = RayParams { paths: 4, first_path: 8, ..auto(2, GlassShadow::Report, 0) };
     let seen = differs_from_plain((&rough, params), (&plain, params), RayProgram::Refraction);
     let Some(()) = seen else { return };
-    // Rough glass inside smooth glass, with a list of points that overflows: those pixels are computed by one thread.
+    // Rough glass inside smooth glass, with a list of points that overflows: one thread computes each pixel whose points do not fit.
     let rough = several_of(ways([0.0, 0.15, 0.3], [0.0; 3]));
     let params = RayParams { paths: 6, ..auto(2, GlassShadow::Straight, 2) };
     differs_from_plain((&rough, params), (&plain, params), RayProgram::Final);
@@ -295,7 +295,7 @@ fn a_sky_is_in_the_way_of_nothing_and_glass_shows_it_as_the_processors_does() {
     let mut panes = under_a_sky();
     panes.bodies = false;
     let is_blue = |pixel: &[f32; 4]| pixel[2] > 0.8 && pixel[0] < 0.3;
-    // Software drivers take minutes to compile all of them.
+    // Software drivers take minutes to compile all of these programs.
     let left_out = [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final];
     let some = rays().is_some_and(|rays| rays.gpu.adapter.kind == AdapterKind::Software);
     let all = [

@@ -52,7 +52,7 @@ struct Case {
     sphere: Sphere,
     ray: Ray,
     from: From,
-    /// Whether the ray leaves the sphere on whose surface it starts, and coordinates resolve the sphere.
+    /// Whether the ray starts on the sphere's surface and leaves it, and the rounding of coordinates is fine enough to resolve the sphere.
     leaves: bool,
 }
 

@@ -24,7 +24,8 @@ fn shown(rays: &mut WgpuRays, world: &World, shot: &Shot<'_>, program: RayProgra
     picture(rays, &job).0
 }
 
-/// Spheres of several materials, one of which would be textured, bumped, cut out and a sky, above a ground and beside a textured wall.
+/// Spheres of several materials above a ground and beside a textured wall. Texture, bumps, cut-outs and vertex colours of the wall's material
+/// do not apply to spheres.
 pub(super) fn still() -> World {
     let mut world = World::lit_along(Vec3::new(0.4, -1.0, -0.3));
     let ground = world.paint(Vec3::new(0.9, 0.7, 0.6));
@@ -151,7 +152,7 @@ fn shares_on_spheres_are_averaged_as_on_the_processor() {
     assert!(levels.len() > 50, "control: {} shades", levels.len());
 }
 
-/// Ten thousand spheres in the place of a cloud.
+/// Ten thousand spheres that form a cloud.
 fn cloud() -> World {
     let mut world = World::lit_along(Vec3::new(0.4, -1.0, -0.3));
     let (ground, ball) = (world.paint(Vec3::ONE), world.paint(Vec3::new(0.9, 0.5, 0.2)));

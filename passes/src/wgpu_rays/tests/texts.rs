@@ -49,7 +49,7 @@ fn every_text() -> HashMap<String, String> {
             }
         }
     }
-    // With several lights, on which arithmetic and cones do not depend.
+    // With several lights, whose texts do not depend on the arithmetic.
     for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Final] {
         let panes = Variant::Panes(Fidelity::Corrected);
         let knows = Variant::OF_BODIES.contains(&program);
@@ -152,7 +152,7 @@ fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
     let variant = Variant::Panes(Fidelity::Corrected);
     let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
-    // Only programs for exact spheres have the last parameters; without them the structure is as long.
+    // Only programs for exact spheres declare the last parameters; in others, padding makes the structure as long.
     let lengths = [false, true].map(|spheres| {
         let kind = Kind { spheres, ..kind };
         let text = source(kind, Stage::Whole, (Arithmetic::default(), TextureLod::Zero), Split::default());
@@ -200,7 +200,7 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
             let text = |lod| {
                 let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
-                // Without the parameters, which all share, and without comments.
+                // Without the parameters of cones, which all programs declare, and without comments.
                 let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
                 code.filter(|line| !line.contains("    cone_")).collect::<Vec<_>>().join("\n")
             };

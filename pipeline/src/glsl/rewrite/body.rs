@@ -196,7 +196,7 @@ impl Reader<'_> {
                 let message = format!("`{now}` compares depths, and `{}` is a sampler2D", first.text);
                 return Err(self.fault(first, message, "declare it as sampler2DShadow"));
             }
-            // The compiler ignores the offset.
+            // The compiler ignores the offset, so a generated function adds it.
             (SamplerKind::Color, "texelFetchOffset") => {
                 self.at += length + 1;
                 self.put(&beside_name(&name), token);

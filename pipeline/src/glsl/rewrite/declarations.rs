@@ -40,9 +40,9 @@ pub(super) enum Storage {
 /// One name of a declaration.
 pub(super) struct Declarator {
     pub token: Token,
-    /// `[4]`, or nothing.
+    /// Length of the array as written, such as `[4]`; empty without an array.
     pub array: String,
-    /// Indices of the tokens behind `=`.
+    /// Indices of the tokens of the initial value, which follow `=`; `None` without one.
     pub initialiser: Option<std::ops::Range<usize>>,
 }
 
@@ -336,13 +336,13 @@ impl<'a> Reader<'a> {
             let number = index.to_string();
             let is =
                 |four: &[Token]| four[0].is_word(name) && four[1].is("[") && four[2].text == number && four[3].is("]");
-            // The declaration itself has the array's length at that place.
+            // In the declaration itself, the length of the array stands where uses have an index.
             self.tokens.windows(4).any(|four| is(four) && four[0].start != token.start)
         };
         Ok((0..length).filter(used).map(element).collect())
     }
 
-    /// The name of a sampler or image where it is used, and its number of tokens.
+    /// The name of the sampler or image at the next tokens, and its number of tokens. `None` if no name is there, or its index is not a number.
     pub(super) fn element(&self) -> Option<(String, usize)> {
         let first = self.peek(0).filter(|first| first.kind == Kind::Word)?;
         if !self.peek(1).is_some_and(|next| next.is("[")) {
@@ -398,7 +398,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A number, or a vector of numbers.
+    /// Reads an initial value, a number or a vector of numbers. Components that it lacks are 0.
     pub(super) fn constant(&self, range: std::ops::Range<usize>, name: &Token) -> Result<[f32; 4], Fault> {
         let tokens = &self.tokens[range];
         let unread = || {

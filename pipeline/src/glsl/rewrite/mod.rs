@@ -20,7 +20,7 @@ use std::collections::HashMap;
 pub(super) const OURS: &str = "curitiba_";
 /// The block of the uniforms that are declared outside blocks.
 pub(super) const LOOSE: &str = "curitiba_Uniforms";
-/// Prefix of the names of Boolean uniforms in that block.
+/// Prefix of the names of Boolean uniforms in the block [`LOOSE`].
 pub(super) const TRUTH: &str = "curitiba_u_";
 
 /// A variable between the stages, an attribute, or a result.
@@ -31,7 +31,7 @@ pub(super) struct Variable {
     /// Name in the rewritten text.
     pub global: String,
     pub kind: String,
-    /// Elements of an array, or columns of a matrix.
+    /// Number of elements of an array, or of columns of a matrix; `None` for other types.
     pub parts: Option<usize>,
     pub flat: bool,
     pub location: Option<u32>,
@@ -78,11 +78,11 @@ struct Function {
 /// Where a part of the rewritten text comes from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Origin {
-    /// First byte of the rewritten text.
+    /// Offset of the part's first byte in the rewritten text.
     pub at: usize,
-    /// First byte of the file.
+    /// Offset of the first byte in the file that the part comes from.
     pub start: usize,
-    /// One past the last byte of the file.
+    /// Offset of one past the last such byte in the file.
     pub end: usize,
 }
 
@@ -91,17 +91,17 @@ pub(super) struct Origin {
 pub(super) struct Stated {
     /// The file's text, rewritten.
     pub text: String,
-    /// In the order of the text.
+    /// Origins of the parts of the text, in their order.
     pub origins: Vec<Origin>,
-    /// `in`.
+    /// Variables declared `in`.
     pub inputs: Vec<Variable>,
-    /// `out`.
+    /// Variables declared `out`.
     pub outputs: Vec<Variable>,
     /// Uniforms outside blocks that are used.
     pub uniforms: Vec<Uniform>,
     /// Blocks that are read, in the order of their bindings.
     pub blocks: Vec<String>,
-    /// Where members of blocks are declared.
+    /// By the names of a block and a member: the member's declaration in the file, bytes.
     pub members: HashMap<(String, String), [usize; 2]>,
     /// Samplers that are used.
     pub samplers: Vec<Sampler>,
@@ -186,7 +186,7 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
     Ok(done)
 }
 
-/// The order of functions in which callees come before callers. Recursive functions, which are no GLSL, get some order.
+/// The order of functions in which callees come before callers. Functions that recurse, which GLSL forbids, get an arbitrary order.
 fn in_order(functions: &[Function]) -> Vec<usize> {
     let mut named: HashMap<&str, Vec<usize>> = HashMap::new();
     for (index, function) in functions.iter().enumerate() {
@@ -357,7 +357,8 @@ pub(super) fn attribute(name: &str) -> Option<Attribute> {
     Attribute::ALL.into_iter().find(|attribute| attribute.name() == name)
 }
 
-/// Declares the block of uniforms outside blocks: those of the file and, where it reads `gl_FragCoord`, [`FRAME`].
+/// Declares the block of uniforms outside blocks: those of the file, sizes of images and, where the file reads `gl_FragCoord`, [`FRAME`].
+/// Empty if there are none.
 pub(super) fn loose_block(stated: &Stated, binding: usize) -> String {
     if stated.uniforms.is_empty() && !stated.coordinates {
         return String::new();

@@ -30,7 +30,7 @@ pub(super) struct Counter {
     word: u32,
 }
 
-/// The name of a generated function of a counter.
+/// The name of the generated function `what` (such as `up`) for the counters of the buffer with an index.
 pub(in super::super) fn counting_name(what: &str, buffer: usize) -> String {
     format!("{OURS}{what}{buffer}")
 }

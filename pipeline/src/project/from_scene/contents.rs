@@ -19,7 +19,7 @@ pub(super) struct Contents {
 }
 
 impl Contents {
-    /// `None` for a scene without a triangle.
+    /// Examines a scene; `None` if it has no triangle.
     pub fn of(scene: &Scene) -> Option<Self> {
         /// Most nested shells, such as clouds in a sky dome.
         const MOST: usize = 4;
@@ -54,7 +54,7 @@ impl Contents {
 fn focus(scene: &Scene, whole: Extent, left_out: &[(usize, usize)]) -> Extent {
     /// Most triangles that are examined.
     const MOST: usize = 1 << 16;
-    /// Share of their corners that may lie beyond the box on each side.
+    /// Share of the corners of the examined triangles that may lie beyond the box on each side.
     const BEYOND: f64 = 0.03;
     let groups = || {
         scene.objects.iter().enumerate().flat_map(|(index, object)| {

@@ -11,7 +11,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// The box around both.
+    /// The box around this box and another.
     pub fn with(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
@@ -51,7 +51,7 @@ pub(super) fn parts(scene: &Scene) -> Vec<Part> {
     let mut parts = Vec::new();
     for (index, object) in scene.objects.iter().enumerate() {
         let mesh = &scene.meshes[object.mesh as usize];
-        // By vertex: the number of groups up to the last that used it.
+        // For each vertex: 1 plus the index of the last group that used it, 0 before the first.
         let mut used = vec![0; mesh.positions.len()];
         for (group, list) in mesh.groups.iter().enumerate() {
             let mut extent: Option<Extent> = None;

@@ -8,13 +8,13 @@ use crate::project::{Camera, Falloff, Light, Spot};
 use crate::scene::{Scene, SceneLight};
 use glam::{DVec3, Vec3};
 
-/// Most lights of scene files that shine: each may take a shadow ray at every point.
+/// Most lights of scene files that shine in the project: each may take a shadow ray at every point.
 const MOST: usize = 32;
-/// Points of surfaces at which the strength of lights is examined.
+/// Number of points on surfaces at which the strength of lights is examined.
 const POINTS: usize = 1024;
 /// Most triangles that are examined.
 const MOST_TRIANGLES: usize = 1 << 16;
-/// Share of the lit points, of [`POINTS`], that receive no more than [`SUN`].
+/// Share of the lit points, among the [`POINTS`], that receive at most [`SUN`].
 const BELOW: f64 = 0.9;
 
 /// The lights of a scene that is made into a project: the sun of the options; else the lights of the files; else a default sun.
@@ -92,7 +92,7 @@ fn several(
     made
 }
 
-/// A name that no other light has.
+/// A name that none of the lights in `taken` has.
 fn unused(name: &str, taken: &[Light]) -> String {
     let base = clean(name).unwrap_or_else(|| "light".to_owned());
     let is_taken = |name: &str| taken.iter().any(|light| light.name.to_lowercase() == name.to_lowercase());
@@ -118,7 +118,7 @@ struct Point {
     normal: DVec3,
 }
 
-/// Illuminance by a light at a point, on the brighter side, without shadows: in lux, by colour.
+/// Illuminance by a light at a point, on the side of the surface that faces the light, without shadows: in lux, by colour.
 fn arriving(light: &SceneLight, origin: DVec3, Point { position, normal }: &Point) -> DVec3 {
     let color = light.color.as_dvec3();
     let Some(place) = light.position else { return color * normal.dot(light.direction.as_dvec3()).abs() };

@@ -2,7 +2,7 @@
 //!
 //! | part | choice |
 //! |---|---|
-//! | camera | `Camera`: described by options, or placed to see the whole scene; the file's own cameras come first unless it is described |
+//! | camera | `Camera`: described by options, or placed to see the whole focus; the file's own cameras come first unless it is described |
 //! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
 //! | sky | a dome or box around everything else that is a sky by its name, is round, or is a box of pictures; its materials are a `<sky>` |
 //! | effects | shadows (unless a closed room keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
@@ -55,7 +55,7 @@ pub enum FromSceneError {
     Option(String),
 }
 
-/// A scene, and the parts that all its projects have in common.
+/// The common parts of all projects that are made from one scene.
 #[derive(Debug, Clone)]
 pub struct SceneProjects {
     base: Project,
@@ -187,8 +187,8 @@ impl SceneProjects {
         self.with(&passes::steps(self.effects), glass, (self.effects.occlusion, true))
     }
 
-    /// Projects of the same scene, one for each effect by rays and by rasterisation, with the file names of the report's
-    /// projects. Raster effects support one directional light: with other lights, the effects that read light are left out.
+    /// Projects of the same scene, one for each effect by rays and by rasterisation, with the file names of the report's projects.
+    /// Raster effects support one directional light: with other lights, the raster effects that read a light are left out.
     #[must_use]
     pub fn by_technique(&self) -> Vec<(&'static str, Project)> {
         let has_sun = matches!(&self.base.lights[..], [light] if light.direction.is_some());

@@ -94,13 +94,14 @@ pub struct SceneOptions {
     pub more: Vec<PathBuf>,
     /// The effects. Default: shadows, occlusion, and glass if a drawn material is glass.
     pub effects: Option<Effects>,
-    /// Position of the camera, world. Default: a position that shows the whole scene.
+    /// Position of the camera, world. Default: a position that shows the whole focus (the scene, or most of it), or one inside the
+    /// shell around it.
     pub look_from: Option<DVec3>,
-    /// Point that the camera looks at, world. Default: the centre of the scene's box.
+    /// Point that the camera looks at, world. Default: the centre of the focus, rounded.
     pub look_at: Option<DVec3>,
     /// Vertical field of view, degrees, above 0 and below 180. Default: 45.
     pub fov: Option<f32>,
-    /// Direction towards the sun, of any length. Default: the file's own light, or behind the viewer's left shoulder.
+    /// Direction towards the sun, of any length. Default: the files' own lights, or a sun behind the viewer's left shoulder.
     pub sun: Option<Vec3>,
     /// The upward axis of the files.
     pub up: Up,

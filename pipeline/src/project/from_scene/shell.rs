@@ -47,7 +47,7 @@ pub(super) fn outermost(scene: &Scene, parts: &[Part]) -> Option<(Shell, Vec<boo
     })
 }
 
-/// Whether a part is in a side of the box around all, as the pictures of sky boxes are: flat, and nearly as large as the side.
+/// Whether a part is in a side of the box around all parts, as the pictures of sky boxes are: flat, and nearly as large as the side.
 fn is_side(part: &Part, whole: Extent) -> bool {
     /// `FLAT`: most extent of its short side, and most distance from the box's side. `LARGE`: least extent of its long sides. All
     /// are shares of the box.
@@ -150,7 +150,7 @@ impl Shell {
         hits.max_by(|a, b| a.0.total_cmp(&b.0)).is_some_and(|(_, is_front)| is_front || may_look_away)
     }
 
-    /// Distance to it along a unit direction.
+    /// Distance from a point to the shell's nearest hit along a unit direction; `None` without a hit.
     pub fn distance(&self, from: DVec3, direction: DVec3) -> Option<f64> {
         let hits = self.triangles.iter().filter_map(|corners| hit(corners, from, direction));
         hits.map(|(distance, _)| distance).min_by(f64::total_cmp)

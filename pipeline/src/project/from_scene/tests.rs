@@ -391,7 +391,7 @@ fn lights_of_the_file_keep_their_ratios_and_most_of_the_floor_is_below_white() {
     let made = SceneProjects::new(&[path], &SceneOptions::default(), None, 1 << 30).expect("a scene");
     let names: Vec<&str> = made.by_technique().iter().map(|(name, _)| *name).collect();
     assert!(names.contains(&"raster/SceneGTAO.xml") && !names.contains(&"raster/SceneShadowMap.xml"), "{names:?}");
-    // A sun that is asked for replaces them all.
+    // A sun that is asked for replaces all lights of the file.
     let path = folder.path().join("lamps.gltf");
     let asked = open(&path, &SceneOptions { sun: Some(Vec3::Y), ..SceneOptions::default() });
     assert_eq!(asked.lights.iter().map(Light::kind).collect::<Vec<_>>(), ["directional"]);
@@ -401,7 +401,7 @@ fn lights_of_the_file_keep_their_ratios_and_most_of_the_floor_is_below_white() {
 fn of_many_lights_those_that_light_most_shine() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("many.gltf");
-    // A thousand lights ever higher above the floor, the last of which are the strongest.
+    // A thousand lights above the floor, each lower than the one before, so that the last are the strongest.
     let nodes: Vec<String> = (0..1000)
         .map(|i| {
             let height = 1000 - i;

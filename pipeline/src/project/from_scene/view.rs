@@ -20,7 +20,7 @@ const RISE: f64 = 0.45;
 const RISE_OF_FLAT: f64 = 0.8;
 /// Elevations, as [`RISE`], that are tried in order for a camera inside a shell. With the first the horizon is in the picture.
 const RISES_INSIDE: [f64; 4] = [0.27, 0.5, 1.0, 2.0];
-/// Distance of such a camera from its target, as a share of the distance from the target to the shell.
+/// Distance of a camera inside a shell from its target, as a share of the distance from the target to the shell.
 const BEFORE_SHELL: f64 = 0.9;
 
 /// The unit vector, computed as the loader does, so that writing and reading it again changes nothing.
@@ -127,8 +127,8 @@ fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 
     if farthest > 0.0 { farthest } else { 1.0 }
 }
 
-/// A position inside the shell for a camera whose `eye` is outside of the shell or close to it: the first of [`RISES_INSIDE`]
-/// that is above the focus, or else one nearer to the target in the same direction. `None` if `eye` is well inside.
+/// A position inside the shell for a camera whose `eye` is outside of the shell or close to it: the first of [`RISES_INSIDE`] that is
+/// above the focus, or else one in the direction of `eye`, nearer to the target. `None` if `eye` is well inside.
 fn inside(shell: &Shell, focus: Extent, target: DVec3, eye: DVec3) -> Option<DVec3> {
     let (away, distance) = ((eye - target).try_normalize()?, eye.distance(target));
     let reach = |direction: DVec3| shell.distance(target, direction).map(|distance| distance * BEFORE_SHELL);

@@ -1,4 +1,4 @@
-//! Writes a project as XML that [`super::load`] reads back with the same numbers, bit for bit.
+//! Writes a project without own shaders as XML that [`super::load`] reads back with the same numbers, bit for bit.
 //!
 //! Render targets and materials are written to a file beside it: `view.mlib` beside `view.xml`.
 

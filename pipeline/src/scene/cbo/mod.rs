@@ -15,7 +15,7 @@
 //! A `str` is a `u32` length, that many Latin-1 bytes and a NUL; a `mat4` is 16 `f32`, column by column. The file extension does
 //! not determine the layout. Neither layout stores transmission or refraction. Of the render states of the 2014 layout only the
 //! alpha test is read and written, as [`Material::alpha_cutoff`](super::Material::alpha_cutoff). Today's layout has no render
-//! states: there a texture with texels of less than half opacity gets a cutoff of 0.5.
+//! states: there a material gets a cutoff of 0.5 if its texture has texels of less than half opacity.
 
 mod read;
 mod write;
@@ -61,7 +61,7 @@ impl Layout {
     }
 }
 
-/// Reads a file in the layout that accounts for its last byte.
+/// Reads a file in the layout that reads it to its last byte. The extension only decides which layout is tried first.
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let extension = context.file.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let layouts = if extension.eq_ignore_ascii_case("nbo") {

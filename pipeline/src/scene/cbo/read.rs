@@ -47,7 +47,7 @@ struct Parser<'b, 'c, 'f> {
     scene: Scene,
     table: MaterialTable,
     by_renderable: HashMap<String, u32>,
-    /// Alpha cutoff by texture file; only for today's layout.
+    /// Alpha cutoff by texture file; only for today's layout. `None` for a texture without holes, or one that cannot be searched for them.
     cutoffs: HashMap<PathBuf, Option<f32>>,
 }
 
@@ -108,7 +108,7 @@ impl Parser<'_, '_, '_> {
         Ok(())
     }
 
-    /// The cutoff for today's layout, which has no alpha test: 0.5 for textures with texels of less than half opacity.
+    /// The cutoff for today's layout, which has no alpha test: 0.5 for textures with texels of less than half opacity, otherwise `None`.
     fn cutoff_of(&mut self, texture: &Path) -> Result<Option<f32>, SceneError> {
         if let Some(known) = self.cutoffs.get(texture) {
             return Ok(*known);
@@ -123,7 +123,8 @@ impl Parser<'_, '_, '_> {
         Ok(cutoff)
     }
 
-    /// Reads shaders and render state of a 2014 material. Only the alpha test is used; its cutoff is returned.
+    /// Reads shaders and render state of a 2014 material. Only the alpha test is used: its cutoff is returned, or `None` if the test is disabled or
+    /// does not keep the greater alphas.
     fn state(&mut self) -> Result<Option<f32>, SceneError> {
         for what in
             ["a program's name", "a vertex shader's name", "a geometry shader's name", "a fragment shader's name"]

@@ -29,7 +29,7 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 /// layout only), wrap modes, magnification, vertex colours, and letters outside Latin-1.
 ///
 /// # Errors
-/// If a count does not fit the format, an image cannot be combined, or the file cannot be written.
+/// If a count does not fit the format, a texture's path is not valid Unicode, an image cannot be stored, or a file cannot be written.
 ///
 /// # Panics
 /// If an index of the scene (of a mesh, material or texture) is out of range; [`super::super::load`] makes no such scene.
@@ -85,7 +85,7 @@ fn latin_1(text: &str, path: &Path, warnings: &mut Warnings) -> String {
     kept
 }
 
-/// The path of each colour texture, relative to the file; images that are not files yet are written. Other textures have no path.
+/// The path of each colour texture, relative to the file; empty for textures of data. Images that are not files yet are written.
 fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<Vec<String>, SceneError> {
     let folder = folder_of(path);
     let mut paths = Vec::with_capacity(scene.textures.len());
@@ -151,7 +151,7 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         attenuation_distance,
     } = material;
     let usual = Material::default();
-    // These properties have no meaning for opaque materials.
+    // The properties in `body` and `rough` have no meaning for opaque materials.
     let glass = *transmission != usual.transmission;
     let absorbs = *thickness != usual.thickness
         || *attenuation_color != usual.attenuation_color
@@ -235,7 +235,7 @@ impl SceneWriter<'_> {
             self.count(0)?;
             self.string("")?;
             let (mut bools, mut enums, mut floats) = (STATE_BOOLS, STATE_ENUMS, STATE_FLOATS);
-            // Materials that are blended texel by texel are cut out at half, as they are drawn without rays.
+            // Materials that are blended texel by texel are cut out at half alpha, as passes without glass draw them.
             let blended = material.transmission_texture;
             let blended = blended.is_some_and(|texture| self.scene.textures[texture as usize].is_clear());
             let half = MASK_CUTOFF * material.diffuse.w;

@@ -21,7 +21,7 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// The material of a URL. It is read at its first use; a light grey material stands in for a missing one.
+    /// The index of the material that a URL names. It is read at its first use; a light grey material stands in for a missing one.
     pub(super) fn of(
         &mut self,
         url: Option<&str>,
@@ -135,7 +135,7 @@ fn parameter<'a>(sid: &str, profile: &'a Element<'a>, document: &'a Document<'a>
     document.children(profile, "newparam").find(|parameter| parameter.attribute("sid") == Some(sid))
 }
 
-/// The sampler that a texture names; some programs name an image instead.
+/// The sampler that a texture names; `None` if it names none, as some programs name an image instead.
 fn sampler<'a>(texture: &str, profile: &'a Element<'a>, document: &'a Document<'a>) -> Option<&'a Element<'a>> {
     document.descend(parameter(texture, profile, document)?, &["sampler2D"])
 }
@@ -164,7 +164,7 @@ fn image<'a>(
     Some(percent_decoded(path))
 }
 
-/// A URI's path with its percent escapes decoded; unchanged if an escape is malformed.
+/// A URI's path with its percent escapes decoded. Malformed escapes stay; the whole path stays if it does not decode to UTF-8.
 fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

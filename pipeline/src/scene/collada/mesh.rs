@@ -56,7 +56,7 @@ struct Attribute {
 }
 
 impl Attribute {
-    /// The value at an index; zeros for [`NONE`], and for an index that the source lacks.
+    /// The value at an index below `count`, or zeros for [`NONE`]. Components beyond the stride are 0.
     fn at<const N: usize>(&self, index: u32) -> [f32; N] {
         if index == NONE {
             return [0.0; N];
@@ -180,7 +180,7 @@ fn fan<'c, 'i>(corners: &'c [&'i [u32]]) -> impl Iterator<Item = [&'i [u32]; 3]>
 }
 
 /// Reads the numbers that a source's accessor describes, and checks that all of them exist. Positions far from 0 are read again,
-/// relative to a nearer origin.
+/// relative to an origin near them.
 fn attribute(
     document: &Document<'_>,
     source: u32,
@@ -237,8 +237,8 @@ impl Builder {
         Self { attributes, mesh, triangles: Vec::new(), vertices: HashMap::new(), lacking: 0 }
     }
 
-    /// Adds a triangle unless the index of a position is out of range. Other attributes do not decide this, since they are not
-    /// always read.
+    /// Adds a triangle unless the index of a position is out of range; returns whether it did. Other attributes do not decide this, since
+    /// they are not always read.
     fn triangle(&mut self, corners: [&[u32]; 3]) -> bool {
         let mut keys = [[NONE; 4]; 3];
         let mut lacking = 0;

@@ -1,5 +1,5 @@
 //! COLLADA 1.4 and 1.5 (`.dae`): geometry, materials and textures of a visual scene. Positions are converted to metres with y up,
-//! whatever unit and axes the file uses; those of a file far from its origin are read relative to a nearer one
+//! whatever unit and axes the file uses. If a file's contents are far from its origin, positions are read relative to an origin near them
 //! ([`super::origin`]). Skinned and morphed meshes are drawn in the pose in which they were modelled; animations,
 //! cameras, lights and physics are skipped.
 
@@ -82,13 +82,13 @@ struct Walk<'d, 'a> {
     scene: Scene,
     materials: Materials,
     meshes: Meshes,
-    /// The transforms of the scene's objects with all digits.
+    /// The transforms of the scene's objects in `f64`, before they are rounded.
     places: Vec<DMat4>,
     warnings: Warnings,
 }
 
 impl Walk<'_, '_> {
-    /// Places the contents of all nodes below one, depth first, in order.
+    /// Places the contents of all nodes of a visual scene, depth first, in order.
     fn nodes(&mut self, scene: u32, upright: DMat4, context: &mut Context<'_>) -> Result<(), SceneError> {
         let document = self.document;
         let file = context.file;
@@ -137,7 +137,7 @@ impl Walk<'_, '_> {
     fn geometry_of(&mut self, mut index: u32, context: &mut Context<'_>) -> Result<(u32, DMat4), SceneError> {
         let document = self.document;
         let mut bind = DMat4::IDENTITY;
-        // At most a skin of a morph of a mesh; a longer chain would be a cycle.
+        // The longest valid chain is a skin of a morph of a mesh; a longer one would be a cycle.
         for _ in 0..4 {
             let element = document.get(index);
             let moved = ["skin", "morph"].iter().find_map(|kind| document.descend(element, &[kind]));
@@ -184,7 +184,7 @@ impl Walk<'_, '_> {
             if mesh::is_drawn(element.name()) {
                 let symbol = element.attribute("material");
                 let target = symbol.map(|symbol| {
-                    // Without a material binding the symbol may be the name of a material.
+                    // Without a material binding the symbol may be the id of a material.
                     bound.iter().find(|(own, _)| *own == symbol).map_or(symbol, |(_, target)| *target)
                 });
                 materials.push((primitive, self.materials.of(target, document, context, &mut self.warnings)));

@@ -121,7 +121,7 @@ fn effects_are_materials() {
     assert_eq!((wall.texture, wall.shininess, wall.specular), (Some(0), 20.0, Vec4::new(0.5, 0.4, 0.3, 1.0)));
     assert!(glass.diffuse.distance(Vec4::new(0.1, 0.2, 0.3, 0.75)) < 1e-6, "{}", glass.diffuse);
     assert_eq!((glass.texture, glass.ior), (None, 1.4));
-    // 1.5 names the image in the sampler, and its file in an element of its own.
+    // COLLADA 1.5 names the image in the sampler, and its file in an element of its own.
     let newer = HOUSE
         .replace("<source>su</source>", "<instance_image url=\"#im\"/>")
         .replace("<init_from>file://./my%20wall.png</init_from>", "<init_from><ref>my wall.png</ref></init_from>");
@@ -176,7 +176,7 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
         warnings(&load_text(&far, Needs::ALL, 1 << 24).expect("it loads"))
             .contains("indices of positions out of range")
     );
-    // An index out of range of another attribute removes no triangle: without that attribute the triangle would be drawn too.
+    // An index out of range in another attribute than the position removes no triangle: without that attribute it would be drawn too.
     let lacking = HOUSE.replace("2 0 4 0 0 0</p></polylist>", "2 0 4 7 4 4294967295</p></polylist>");
     let all = load_text(&lacking, Needs::ALL, 1 << 24).expect("it loads");
     let bare = load_text(&lacking, Needs::NOTHING, 1 << 24).expect("it loads");
@@ -244,7 +244,7 @@ fn a_byte_order_mark_moves_nothing() {
 #[test]
 fn files_in_map_coordinates_keep_their_digits() {
     let place = DVec3::new(554_321.123_456, 5_812_345.678_912, 45.25);
-    // By the positions (in centimetres) of the first geometry, and by the nodes around it.
+    // The place is written in two ways: in the positions (in centimetres) of the first geometry, and in the nodes around it.
     let positions = "0 0 0  100 0 0  100 0 200  0 0 200  50 0 300";
     let numbers: Vec<f64> = positions.split_whitespace().map(|word| word.parse().expect("a number")).collect();
     let moved = |index: usize| (numbers[index] + 100.0 * place[index % 3]).to_string();
@@ -266,7 +266,7 @@ fn files_in_map_coordinates_keep_their_digits() {
         let object = &scene.objects[0];
         let corner = scene.meshes[object.mesh as usize].positions[2].as_dvec3();
         let found = scene.to_world(object).transform_point3(corner);
-        // (100, 0, 200) cm beside the place, z up.
+        // The point (100, 0, 200) cm from the place, in the file's axes with z up.
         let expected = DVec3::new(place.x + 1.0, place.z + 2.0, -place.y);
         assert!(found.distance(expected) < 1e-6, "{found}: f32 alone has steps of half a metre");
     }

@@ -28,7 +28,7 @@ pub(super) struct Document<'a> {
     by_id: HashMap<&'a str, u32>,
 }
 
-/// Number of bytes booked at a time.
+/// Memory is booked in steps of at least twice this many bytes.
 const BLOCK: usize = 1 << 16;
 
 impl<'a> Document<'a> {
@@ -90,7 +90,7 @@ impl<'a> Document<'a> {
         Ok(this)
     }
 
-    /// Adds text to the innermost open element; returns the bytes that it takes.
+    /// Adds text to the innermost open element; returns the bytes that it allocates for it.
     fn push(&mut self, open: &[u32], raw: &'a str) -> usize {
         let Some(open) = open.last() else { return 0 };
         // Blanks between children only separate words.
@@ -130,7 +130,7 @@ impl<'a> Document<'a> {
         of.children.iter().map(|child| (*child, self.get(*child)))
     }
 
-    /// The first descendant along a path of names.
+    /// The descendant along a path of names, at each step the first child with the name.
     pub(super) fn descend<'d>(&'d self, from: &'d Element<'a>, names: &[&str]) -> Option<&'d Element<'a>> {
         names.iter().try_fold(from, |element, name| {
             self.all_children(element).map(|(_, child)| child).find(|child| child.name == *name)

@@ -60,8 +60,8 @@ impl Decoded<'_> {
         Ok(self.mesh.faces().iter().map(|corners| corners.map(|point| point.0)).collect())
     }
 
-    /// The vectors of an attribute by vertex; `None` if the stream does not hold it. Integers are converted to fractions if the
-    /// accessor is `normalized`.
+    /// The vectors of an attribute by vertex; `None` if the extension does not list the attribute. Integers are converted to fractions if
+    /// the accessor is `normalized`.
     pub(super) fn vectors<const N: usize>(
         &self,
         semantic: &str,

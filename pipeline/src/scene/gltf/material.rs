@@ -222,7 +222,8 @@ impl Materials {
 }
 
 impl Materials {
-    /// Converts linear vertex colours to display values. Their alpha is 1 on surfaces that ignore alpha.
+    /// Converts linear vertex colours to display values. Their alpha is 1 on surfaces that ignore it. A surface with [`Alpha::Blended`] gets its
+    /// cutoff if some alpha is below 1.
     pub(super) fn colored(&mut self, surface: Surface, colors: impl Iterator<Item = Vec4>) -> Vec<Vec4> {
         let mut clear = false;
         let colors = colors
@@ -464,7 +465,8 @@ fn surface(
     material
 }
 
-/// The `extras` of a material: free JSON, of which a few names are read.
+/// The `extras` of a material: free JSON, of which a few names are read. Its getters return `None` for a missing name, and an error for a
+/// value that is not valid.
 struct Extras(Value);
 
 impl Extras {

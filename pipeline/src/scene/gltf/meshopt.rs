@@ -11,7 +11,7 @@ use std::borrow::Cow;
 
 pub(super) const EXTENSION: &str = "EXT_meshopt_compression";
 
-/// Whether a buffer is declared as a fallback for compressed views and has no bytes of its own.
+/// Whether a buffer is declared as a fallback for compressed views. Such a buffer need not have bytes of its own.
 pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     let extension = buffer.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION));
     extension.and_then(|extension| extension.get("fallback")).and_then(Value::as_bool) == Some(true)

@@ -71,7 +71,8 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     Ok(scene)
 }
 
-/// Refuses assets that require an extension which is not read.
+/// Refuses assets that require an extension which is not read. Extensions that only change the shading (`KHR_materials_` and a name) are a
+/// warning instead, except `KHR_materials_pbrSpecularGlossiness`.
 fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> Result<(), SceneError> {
     for name in &root.extensions_required {
         if READ_EXTENSIONS.contains(&name.as_str()) {

@@ -8,7 +8,7 @@ use super::rotation;
 use ::gltf::json;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 
-/// Translations below this are taken from the crate: there the spacing of `f32` numbers is at most 1 / 16384.
+/// If all translations are below this, the crate's numbers serve: there the spacing of `f32` numbers is at most 1 / 16384.
 const LARGE: f32 = 1024.0;
 
 /// The numbers of a node that the crate's `f32` would round too much.

@@ -18,9 +18,9 @@ const NONE: u32 = u32::MAX;
 /// Consecutive faces with the same object, material and set of attributes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Run {
-    /// Index of the object's name.
+    /// Index of the object's name in [`Faces::objects`], or in `Runs::objects` after the pieces are assembled.
     pub(super) object: u32,
-    /// Index of the material's name.
+    /// Index of the material's name, likewise.
     pub(super) material: u32,
     /// Whether every corner has texture coordinates.
     pub(super) texcoords: bool,
@@ -235,7 +235,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Cuts a polygon into a triangle fan, from its first corner, or from its reflex corner if there is one.
+    /// Cuts a polygon into a triangle fan around its first reflex corner, or around its first corner if none is reflex.
     fn triangulate(&mut self, line: u64, corners: &[Corner]) {
         let mut apex = 0;
         if corners.len() > 3 {
@@ -309,7 +309,7 @@ fn holds(list: &[u32], place: u64) -> bool {
     !list.is_empty() && list.binary_search_by_key(&place, |held| u64::from(*held)).is_ok()
 }
 
-/// A decimal integer with an optional sign; `None` beyond 18 digits, far above any index.
+/// A decimal integer with an optional sign. `None` for other text, and beyond 18 digits, which is far above any index.
 fn integer(digits: &[u8]) -> Option<i64> {
     let (negative, digits) = match digits {
         [b'-', rest @ ..] => (true, rest),

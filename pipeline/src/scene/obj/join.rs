@@ -20,7 +20,7 @@ const CHUNK: usize = 1 << 14;
 
 /// Makes a mesh and an object of each set of runs that belong together, in the order of their first runs.
 ///
-/// `materials` is the material of each run; `coordinates` is by material the transform of texture coordinates.
+/// `materials` has the material of each run. `coordinates` has, by material, the scale and offset of texture coordinates; `None` keeps them.
 pub(super) fn join(
     runs: &Runs,
     mut welded: Vec<Welded>,
@@ -78,7 +78,7 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
             .help(format!("valid: fewer than {limit}")));
     }
     starts.push(vertices as u32);
-    // While they are joined vertices exist twice, and each has a hash with its number.
+    // During the joining each vertex exists twice, and has a hash with its number.
     let bytes = vertices * (16 + size_of::<Key>() as u64) + triangles * 12;
     context.budget.take(context.file, "joining the faces of an object", bytes)?;
     let shared = shared_vertices(&parts, &starts);

@@ -9,11 +9,12 @@
 //! vertices of each run of faces are made ([`weld`]), and runs that belong together are joined ([`join`]). The result depends
 //! neither on the cuts nor on the number of threads.
 //!
-//! The positions of a file far from its origin are read again, relative to a nearer one, so that no digit is lost
+//! If a file's contents are far from its origin, the positions are read again, relative to an origin near them, so that no digit is lost
 //! ([`super::origin`]).
 //!
 //! The crate `tobj` is not used: it reads a file sequentially, rejects a whole file for one bad number, and holds over 100 bytes
-//! for every face. An earlier reader built on it serves the tests: both must find the same scene in every file.
+//! for every face. An earlier reader built on it serves the tests: both must find the same scene in every file that is not far from its
+//! origin.
 
 mod faces;
 mod join;
@@ -44,7 +45,7 @@ const PIECE: [usize; 2] = [1 << 16, 1 << 22];
 /// Length of a run in triangles after which the next polygon begins a new one. Equal vertices are shared between runs but not
 /// within one, so this length affects the result and must not depend on the number of threads.
 const MAX_RUN: usize = 1 << 20;
-/// Number of bytes booked at a time.
+/// Number of bytes above which a thread books what it has used.
 const BLOCK: u64 = 1 << 16;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
@@ -129,7 +130,7 @@ fn names_normal_map(pieces: &[Lines<'_>], context: &mut Context<'_>) -> bool {
     library.table.materials.iter().any(|material| material.normal_texture.is_some())
 }
 
-/// The material that faces name. In a file without `usemtl` faces have the default material, without a warning.
+/// The index of the material that faces name. Faces before any `usemtl` have the name `default`, for which no warning is counted.
 fn material_of(library: &mut Library, name: &str, context: &Context<'_>, warnings: &mut Warnings) -> u32 {
     let mut unspoken = Warnings::default();
     let warnings = if name == "default" { &mut unspoken } else { warnings };

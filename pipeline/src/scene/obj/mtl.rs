@@ -73,7 +73,7 @@ pub(super) struct Library {
     spread: HashMap<(String, u16), Option<Alphas>>,
     /// Files already read: reading one again declares nothing new, and a file may name it a million times.
     files: HashSet<PathBuf>,
-    /// Arguments of statements already followed, for the same reason.
+    /// Arguments of `mtllib` statements already followed, since a file may repeat one a million times.
     arguments: HashSet<String>,
 }
 
@@ -226,7 +226,8 @@ enum Alpha {
     Ignored,
 }
 
-/// The colour texture of a material with the alpha of its `map_d`, if the images can be found.
+/// The colour texture of a material, and where its alpha comes from; `None` if the colour image is missing. If the image of `map_d` is
+/// missing, the colour image's own alpha serves.
 fn color_texture(
     map: &Map,
     written: &Declaration,

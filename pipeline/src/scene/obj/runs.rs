@@ -22,7 +22,7 @@ pub(super) struct Runs {
     pub(super) materials: Vec<String>,
 }
 
-/// Assembles the runs. A run ends once it has `max_run` triangles or more.
+/// Assembles the runs. A run ends where object, material or attributes change, and once it has `max_run` triangles or more.
 pub(super) fn runs(faces: &[Faces], max_run: usize) -> Runs {
     let mut runs = Runs::default();
     let (mut objects, mut materials) = (Names::default(), Names::default());

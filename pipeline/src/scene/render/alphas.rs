@@ -11,7 +11,7 @@ const CLEAR: f32 = 0.5 / 255.0;
 
 /// Warning about materials that are blended texel by texel, where no pass asks for glass.
 pub(in crate::scene) const BLENDED: &str = "materials that are blended texel by texel";
-/// Remedy in that warning.
+/// Remedy in the warning [`BLENDED`].
 pub(in crate::scene) const CUT_WITHOUT_GLASS: &str = "without glass=\"auto\" what is half clear or more is cut out";
 
 /// An opacity as a factor of a texture's alpha, in 65,535ths.

@@ -306,7 +306,7 @@ fn mend_colors(
     }
 }
 
-/// Computes tangents of meshes with normal maps. `mapped` says by material whether it has a normal map.
+/// Computes the missing tangents of meshes. `mapped` says by material whether its triangles need tangents.
 fn ensure_tangents(
     meshes: &mut [Mesh],
     (first_users, uses): (&[usize], &[u32]),

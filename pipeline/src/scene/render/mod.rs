@@ -137,14 +137,15 @@ impl RenderScene {
 }
 
 impl RenderScene {
-    /// Whether the colours of texels are decoded from sRGB when they are read. All textures of a scene agree in this.
+    /// Whether the colours of texels are decoded from sRGB when they are read. All colour textures of a scene agree in this; textures of data
+    /// are never decoded.
     #[must_use]
     pub fn decodes_texels(&self) -> bool {
         self.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
     }
 }
 
-/// Sets, for each material, whether some of its triangles have vertex colours.
+/// Sets, for each material, whether some of its triangles have vertex colours other than white.
 fn mark_colored(geometry: &Geometry, materials: &mut [Material]) {
     if geometry.colors.is_empty() {
         return;

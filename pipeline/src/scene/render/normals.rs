@@ -15,8 +15,8 @@ const GRAIN: usize = 1 << 12;
 /// into each other. So boxes stay flat, whether or not their file shares the corners, and round shapes become smooth.
 const CREASE_COSINE: f64 = 0.5;
 
-/// Gives each vertex of the mesh a unit normal, in model space. Computed normals split the vertices on creases. Returns the number
-/// of normals of the file that had no direction and were replaced by computed ones.
+/// Gives each vertex of the mesh a unit normal, in model space. If the mesh has no normals, computed ones split its vertices on creases.
+/// Returns the number of normals of the file that had no direction and were replaced by computed ones.
 pub(super) fn ensure(mesh: &mut Mesh) -> u64 {
     if mesh.normals.len() != mesh.positions.len() {
         let Smooth { normals, splits } = smooth(mesh, true);

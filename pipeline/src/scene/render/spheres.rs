@@ -20,7 +20,7 @@ pub(super) struct Ball {
 }
 
 impl Ball {
-    /// The transformed sphere of radius 1 about the origin; `None` if the transform is not uniform.
+    /// The transformed sphere of radius 1 about the origin; `None` if the transform does not scale uniformly.
     fn unit(material: u32, placed: DMat4) -> Option<Self> {
         Some(Self { center: placed.w_axis.truncate(), radius: scale_of(placed)?, material })
     }

@@ -111,7 +111,7 @@ pub(super) fn decode_used(
     Ok(textures)
 }
 
-/// Decodes an image file of at most `most` bytes in memory as a texture that is read as stored and repeats.
+/// Decodes an image file as a texture that repeats and whose colours are read as stored. Decoding may take at most `most` bytes of memory.
 pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> {
     let source = TextureSource::File(path.to_owned());
     let broken = |why: String| SceneError::file(path, why);

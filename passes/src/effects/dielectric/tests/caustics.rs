@@ -75,7 +75,7 @@ fn light_is_counted_once_and_none_is_lost() {
     let outer = 2.5_f32;
     let place = |ring: u32| Vec3::X * outer * ((ring as f32 + 0.5) / rings as f32).sqrt();
     let shares = floor(&world, (0..rings).map(place), CAUSTIC);
-    // The cosine of bent light alone differs from that of a plane's: colours of 0.3 without any light are left out.
+    // The shares summed over the disc of radius `outer`, in units of the light that meets the sphere.
     let sum: f32 = shares.iter().map(|share| share.x).sum::<f32>() / rings as f32 * outer * outer;
     let steps = 20_000;
     let passed = (0..steps).map(|step| {
@@ -84,7 +84,7 @@ fn light_is_counted_once_and_none_is_lost() {
     });
     let through = passed.sum::<f64>() / f64::from(steps);
     let lit = f64::from(outer * outer) - 1.0 + through;
-    // Light that arrives at a slant has a smaller cosine, and its share of the ambient colour is not smaller: 3 in 1000.
+    // Slanted light has a smaller cosine, but the ambient part of its share is as large: the sum is off by 3 in 1000.
     assert!((f64::from(sum) - lit).abs() < 0.03, "{sum} {lit}");
     let straight: f32 =
         floor(&world, (0..rings).map(place), GlassShadow::Straight).iter().map(|share| share.x).sum::<f32>();
@@ -131,7 +131,7 @@ fn what_is_in_the_way_of_the_bent_light_takes_it_and_nothing_else_does() {
         world.quad(paint, center, Vec3::X * half, Vec3::Y * half);
         floor(&world, [place], CAUSTIC)[0]
     };
-    // Before the sphere, on the way of the rays and on the straight line; inside it; between it and the floor.
+    // Opaque squares above the sphere, inside it and below it: each time one on the way of the bent rays, and one beside it.
     for (center, blocks) in [
         (Vec3::new(-0.57, 0.0, 4.0), true),
         (Vec3::new(0.3, 0.0, 4.0), false),

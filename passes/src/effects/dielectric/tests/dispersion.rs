@@ -154,7 +154,7 @@ fn who_bends_no_colour_apart_costs_and_shows_what_it_did() {
     assert_eq!(other[1], other[2], "one stratum is none");
     assert_ne!(other[0].0, other[1].0, "control");
     assert!(other[0].1.refracted > 8 * other[1].1.refracted, "{:?} {:?}", other[0].1, other[1].1);
-    // Through the other ball some rays come to this one; at its rim they do not.
+    // Some rays through the dispersive ball reach the plain one; at the plain ball's rim none do.
     let beside = |world: &World| {
         let shot = Shot::of(world, Vec3::new(-9.0, 0.2, 7.0), [Vec3::new(-2.4, 0.0, 0.0)]);
         shot.run_on(&world.tree(), &shot.job(RayProgram::Final, Corrected, colors(16, 0)))

@@ -67,7 +67,7 @@ fn off(found: &[[f32; 4]], expected: &[Vec3]) -> f32 {
 #[test]
 fn what_the_camera_sees_in_its_own_body_is_absorbed_by_it() {
     for are_spheres in [false, true] {
-        // In one body, in a filling, and in the body that is filled.
+        // The camera is in one body; in the inner of two; in the outer of two; in clear glass.
         for (bodies, sigma) in [
             (&[(NEAR, 4.0)][..], NEAR),
             (&[(FAR, 4.0), (NEAR, 3.0)], NEAR),

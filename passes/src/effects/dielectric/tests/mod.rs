@@ -101,7 +101,7 @@ fn a_plate_between_white_sides_is_the_sum_of_all_its_reflections() {
             let (r, inner) = interface(f64::from(degrees), f64::from(index));
             let kept = sigma.as_dvec3().to_array().map(|sigma| (-sigma / inner).exp());
             let expected = kept.map(|a| r + (1.0 - r) * (1.0 - r) * a / (1.0 - r * a));
-            // Places on triangles 800 wide are rounded to 6e-5, and so are the ways between them.
+            // Positions on triangles 800 wide are rounded to 6e-5, and so are the lengths of the paths between them.
             assert_close(pixel, Vec3::from(expected.map(|value| value as f32)), 5e-5, format!("{index} {degrees}"));
             assert_eq!(rays.lost, 0);
             // Control: absorption on the first way alone gives another value.

@@ -54,7 +54,7 @@ fn rough_glass_never_gains_light() {
             brightest = brightest.max(Vec3::from_slice(&pixel).max_element());
         }
         assert!(brightest < 1.0 + 1e-5, "alpha {alpha}: {brightest}");
-        // Nearly smooth glass loses nearly nothing, but what its coarse facets turn away.
+        // Nearly smooth glass loses hardly more light than its coarse triangles send to the wrong side.
         assert!(brightest > if alpha < 0.1 { 0.99 } else { 0.2 }, "alpha {alpha}: {brightest}");
     }
 }

@@ -130,7 +130,7 @@ fn shells_in_a_white_environment_have_the_closed_form() {
                 let (b, found, rays) = shell.seen(&world, scale, b, 16);
                 let expected = shell.white(b) as f32;
                 let what = format!("{:?} {:?} {b}: {found} {expected}", shell.indices, shell.way(b));
-                // Towards the rim more is reflected than sixteen surfaces tell apart.
+                // Towards the rim, light is reflected more often than a depth of sixteen follows.
                 assert!((found - expected).abs() < if b > 0.9 { 2e-4 } else { 1e-5 }, "{what}");
                 assert_eq!(rays.lost, 0, "{what}");
             }

@@ -114,7 +114,7 @@ fn an_eye_in_a_sphere_sees_out_of_it() {
             assert_close(pixel, Vec3::from(expected), 4e-6, format!("{index} {share}"));
             assert_eq!(rays.lost, 0);
         }
-        // Beyond the critical angle light stays inside, and is counted.
+        // Beyond the critical angle light stays inside, and is counted as lost.
         let eye = Vec3::new(4.0 + 2.0 * (1.02 / index) as f32, 5.0, 6.0);
         let (pixel, rays) = look(&world, eye, Vec3::Z, auto(16));
         assert_eq!((pixel, rays.lost, rays.refracted), ([0.0, 0.0, 0.0, 1.0], 1, 0));

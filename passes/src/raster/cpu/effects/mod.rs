@@ -30,7 +30,8 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Rows of a band, and columns of the blocks in it. Neighbouring pixels read the same parts of maps.
+/// Rows of a band of the picture, and columns of the blocks that a band consists of. Blocks are computed one after the other, because
+/// neighbouring pixels read the same parts of maps.
 const BLOCK: usize = SPAN;
 
 /// The maps and other buffers of the effects, kept from frame to frame.
@@ -40,21 +41,21 @@ pub(super) struct Effects {
     /// The shadow maps, from near to far.
     shadows: Vec<DepthMap>,
     probes: Probes,
-    /// The faces of the cube maps, six for each probe.
+    /// The faces of the cube maps, probe by probe, six for each.
     faces: Vec<GBuffer>,
     /// The map of one mirror, used for all mirrors in turn.
     mirror: GBuffer,
-    /// The plane of glass that each pixel shows.
+    /// By pixel: index of the plane of glass that it shows, as in [`Survey::new`].
     plane_of: Vec<u32>,
     filter: Filter,
-    /// The pyramid for marching rays.
+    /// The pyramid of depths that screen-space rays are marched through.
     pyramid: Pyramid,
-    /// The picture without the glass.
+    /// The picture as it would be without the glass, for screen-space refraction.
     behind: GBuffer,
 }
 
 impl Effects {
-    /// Forgets the data of any other scene.
+    /// Drops the data that was derived from another scene.
     pub fn upload(&mut self, scene: &Arc<RenderScene>) {
         if !self.scene.is_of(scene) {
             self.scene = SceneCache::new(scene);
@@ -95,7 +96,7 @@ impl Effects {
         Ok(stats)
     }
 
-    /// Writes the open shares, filtered if the job asks for it.
+    /// Writes the share of each pixel's hemisphere that is not occluded, filtered if the job asks for it.
     fn occlusion(
         &mut self,
         job: &EffectJob<'_>,
@@ -217,7 +218,7 @@ impl Effects {
         Ok(())
     }
 
-    /// Draws the cube maps of a picture that shows glass. `after` is the number of further progress steps.
+    /// Draws the cube maps of a picture that shows glass. `after` is the number of progress steps that follow the maps.
     fn cube_maps(
         &mut self,
         raster: &mut CpuRasteriser,
@@ -262,7 +263,7 @@ impl Effects {
         Ok(CubeMaps { probes, faces: &self.faces, size })
     }
 
-    /// Draws the mirrors one after the other into the same map, and copies each mirror's pixels from it.
+    /// Draws the mirrors one after the other into the same map, and copies each mirror's pixels from the map to the output.
     fn mirrors(
         &mut self,
         raster: &mut CpuRasteriser,
@@ -303,7 +304,7 @@ impl Effects {
             let map = &mut self.mirror;
             (map.origin, map.width, map.height) = ([held.x, held.y], held.width, held.height);
             resize(&mut map.color, held.width as usize * held.height as usize, [0.0; 4]).map_err(refused)?;
-            // Not snapped, as in the picture itself, so that the nearer of two close layers is seen.
+            // Depth is that of the corners before snapping, as in the picture itself, so that the nearer of two close layers is seen.
             let map_job = RasterJob { snapped_depth: false, ..map_job(job, mirror.view, job.sun, whole, attachments) };
             raster.render(&map_job, job.glass, Target::Attachments(map, attachments), &progress.part())?;
             drawing += start.elapsed();
@@ -330,7 +331,7 @@ fn on_tiles(pixels: Rect, job: &EffectJob<'_>) -> Rect {
     Rect { x, y, width, height }
 }
 
-/// Copies the pixels that show a mirror from its map.
+/// Copies the output pixels that show a mirror from the mirror's map.
 fn take(output: &mut Image, plane_of: &[u32], mirror: &Mirror, map: &GBuffer) {
     let width = output.width as usize;
     let Rect { x, y, width: columns, height: rows } = mirror.pixels;
@@ -348,7 +349,7 @@ fn take(output: &mut Image, plane_of: &[u32], mirror: &Mirror, map: &GBuffer) {
     });
 }
 
-/// Number of triangles that maps show: those that are not glass.
+/// Number of triangles drawn into a map of an effect on glass: those that are not glass.
 fn unglazed(job: &EffectJob<'_>) -> u64 {
     let seen = job.scene.geometry.batches.iter().filter(|batch| job.glass.get(batch.material as usize) != Some(&true));
     seen.map(|batch| u64::from(batch.count)).sum()
@@ -369,13 +370,14 @@ fn glass_seen(job: &EffectJob<'_>) -> Option<TriangleRanges> {
 /// The drawn cube maps.
 struct CubeMaps<'a> {
     probes: &'a [Probe],
-    /// Six for each probe.
+    /// The faces, probe by probe, six for each.
     faces: &'a [GBuffer],
     size: u32,
 }
 
 impl CubeMaps<'_> {
-    /// For a glass pixel: its position, the viewing direction, the normal, and the index of the probe that serves it.
+    /// For a glass pixel: its position, the viewing direction, the normal, and the index of the nearest probe. `None` if there is no probe,
+    /// or [`effects::facing`] is `None`.
     fn seen(&self, job: &EffectJob<'_>, index: usize) -> Option<(Vec3, Vec3, Vec3, usize)> {
         let [position, normal] =
             [job.position[index], job.normal[index]].map(|value| Vec4::from_array(value).truncate());
@@ -390,8 +392,8 @@ impl CubeMaps<'_> {
     }
 }
 
-/// The colour of glass: the reflected colour, or the reflected and the refracted colour by their Fresnel weights.
-/// `look_up` returns the colour in a direction.
+/// The colour of glass: the reflected colour or, if the program refracts, the sum of the reflected and the refracted
+/// colour, each times its Fresnel weight. `look_up` returns the colour in a direction.
 fn weighted(job: &EffectJob<'_>, view: Vec3, normal: Vec3, mut look_up: impl FnMut(Vec3) -> Vec3) -> Vec3 {
     let reflected = reflect(view, normal);
     if !job.program.refracts() {

@@ -16,8 +16,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 
 impl Effects {
-    /// Answers the rays of every glass pixel from the picture; with refraction, from the picture as it would be without
-    /// the glass.
+    /// Finds the colours that the rays of every glass pixel hit in the picture; with refraction, in the picture as it would
+    /// be without the glass.
     pub(super) fn screen(
         &mut self,
         raster: &mut CpuRasteriser,
@@ -64,8 +64,8 @@ impl Effects {
             thickness: job.params.thickness,
         };
         let rays_stand_in = job.params.missing == Missing::Rays;
-        // Counts of glass pixels, of those that the screen answers completely, and of those that keep some of their own
-        // colour.
+        // Counts of glass pixels, of glass pixels whose rays all hit something in the picture or nothing at all, and of glass pixels that
+        // keep some of their own colour.
         let counts = [const { AtomicU64::new(0) }; 3];
         let mut part = each_span(output, progress, |x, y, pixels| {
             let mut here = [0; 3];
@@ -137,7 +137,7 @@ fn draw_behind(
         *behind = GBuffer::try_new(job.width, job.height, attachments).map_err(refused)?;
     }
     let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
-    // Not snapped, as in the picture itself, so that the nearer of two close layers is seen.
+    // Depth is that of the corners before snapping, as in the picture itself, so that the nearer of two close layers is seen.
     let map_job = RasterJob { snapped_depth: false, ..map_job(job, job.view, job.sun, whole, attachments) };
     raster.render(&map_job, job.glass, Target::Attachments(behind, attachments), &progress.part())?;
     stats.maps = Some(Part { host: start.elapsed(), device: None });

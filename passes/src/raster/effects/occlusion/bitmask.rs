@@ -11,7 +11,7 @@ use std::f32::consts::PI;
 /// Sectors of a slice, one bit each.
 pub const SECTORS: u32 = u32::BITS;
 
-/// The measures of a slice's sectors.
+/// How the contribution of a slice is divided into sectors.
 struct Sectors {
     /// The contribution of the whole slice, `cos γ + γ sin γ`.
     whole: Lanes,

@@ -13,10 +13,10 @@ pub const DEPTH_TOLERANCE: f32 = 0.1;
 
 /// The open share of the samples around the pixel, by the difference of depths.
 ///
-/// A sample occludes where it is on the camera's side of the tangent plane by more than [`DEPTH_TOLERANCE`] radii.
+/// A sample occludes where it is on the camera's side of the tangent plane by more than [`DEPTH_TOLERANCE`] radii and the rounding error.
 /// There is no range check (Mittring, "Finding Next Gen: CryEngine 2", SIGGRAPH 2007 course, section 8.5.4.3, has one),
 /// so a distant object in front darkens what is behind its outline. Samples are uniform in the disk of the radius
-/// across the view; those outside the picture do not count.
+/// across the view; samples outside the picture, and those in the pixel itself, do not count.
 #[inline(always)]
 pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
     let mut tolerance = [0.0; WIDE];

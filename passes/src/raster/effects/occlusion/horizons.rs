@@ -86,7 +86,7 @@ impl Plane {
         for lane in 0..WIDE {
             let (cos, sin) = (slice.turn[0][lane], slice.turn[1][lane]);
             let (up, tangent, bitangent) = (pixels.tilt[0][lane], pixels.tilt[1][lane], pixels.tilt[2][lane]);
-            // The normal's component along `T`, and the one off the plane, along `V x T`.
+            // The normal's component along `T`, and its component off the slice's plane, along `V x T`.
             let (across, off) = (tangent * cos + bitangent * sin, bitangent * cos - tangent * sin);
             let squared = across * across + up * up;
             let counts = (squared >= LEAST_WEIGHT) & (pixels.shown[lane] > 0.0);
@@ -128,7 +128,7 @@ impl Plane {
         tilt
     }
 
-    /// Whether the radius is more than one pixel of the picture in any lane.
+    /// Whether in any lane the slice counts and the radius is longer than one pixel of the picture.
     #[inline(always)]
     pub(super) fn any_step_counts(&self) -> bool {
         let mut any = false;

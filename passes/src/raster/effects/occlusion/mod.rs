@@ -1,5 +1,5 @@
 //! Screen-space ambient occlusion: by horizons, by visibility bitmasks, and by depth differences. Sixteen pixels of a
-//! row are computed at once, in the processor's widest vectors; all instruction sets give the same bits.
+//! row are computed at once, in vectors of the best instruction set of the processor; all instruction sets give the same bits.
 //!
 //! All three look along `slices` directions from a pixel, `steps` times on each side. A slice is a plane through the
 //! eye and the pixel's position `P`, with unit vectors `V` to the eye and `T` across. Positions `P + r T` lie on a

@@ -18,9 +18,9 @@ pub(super) struct Pixels {
     pub(super) position: [F16; 3],
     /// The unit normal, turned to the eye.
     pub(super) normal: [Lanes; 3],
-    /// Unit vectors: `V` to the eye, and two across.
+    /// Unit vectors: `V` to the eye, and two across the view.
     pub(super) basis: [[Lanes; 3]; 3],
-    /// Components of the normal in that basis.
+    /// Components of the normal in [`Self::basis`].
     pub(super) tilt: [Lanes; 3],
     /// Random words, from which the jitters of a slice's two sides derive.
     seeds: [[u32; WIDE]; 2],

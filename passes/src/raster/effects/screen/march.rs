@@ -26,26 +26,26 @@ pub enum Answer {
     Missing,
 }
 
-/// A ray projected to the screen, from its origin to where the screen's border, the near plane or infinite distance
-/// ends it.
+/// A ray projected to the screen. It ends at the screen's border, the near plane or the far end: infinite distance in
+/// perspective, else the far plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// Column, row and nearness of the start.
     pub start: Vec3,
     /// Vector from the start to the end.
     pub span: Vec3,
-    /// Whether the line ends at the far end of the scene.
+    /// Whether the line ends at the far end, not at the screen's border or the near plane.
     pub far: bool,
 }
 
 impl Line {
-    /// `None` where the start is not in the picture, or the direction is 0.
+    /// The line of a ray. `None` if the start is not in front of the eye in perspective, the direction is 0, or the line is not finite.
     #[must_use]
     pub fn new(camera: &ScreenCamera, position: Vec3, direction: Vec3, [width, height]: [u32; 2]) -> Option<Self> {
         let start = camera.place(position);
         let [column, row, depth] =
             [camera.columns, camera.rows, camera.depths].map(|row| row.truncate().dot(direction));
-        // Derivative along the line, up to a positive factor that depends on the place.
+        // Derivative of column, row and nearness along the ray, up to a positive factor that depends on the place.
         let step = if camera.perspective() {
             Vec3::new(column - start.x * depth, row - start.y * depth, -start.z * depth)
         } else {
@@ -86,7 +86,7 @@ pub struct Screen<'a> {
     pub thickness: f32,
 }
 
-/// The result of a ray in a pixel.
+/// What happens to a ray in a pixel that it crosses.
 enum Crossing {
     /// The ray goes on.
     None,
@@ -107,7 +107,7 @@ impl Screen<'_> {
         let rounding = ROUNDING * start.z.abs();
         let last = self.pyramid.depth() - 1;
         let [columns, rows] = self.size;
-        // As fractions of the line: where the ray enters the block, and a place in that block.
+        // `enter` and `t` are fractions of the line: where the ray enters the block, and a place in that block.
         let (mut enter, mut t, mut level, mut first) = (0.0_f32, 0.0_f32, 0, !from_inside);
         for _ in 0..self.most_steps() {
             if t >= 1.0 {

@@ -1,4 +1,4 @@
-//! Whether a picture needs maps at all, found out on the device that holds the G-buffer.
+//! Finds out whether a picture needs maps at all, on the device that holds the G-buffer.
 
 use super::inputs::Inputs;
 use super::question::{Question, Words};
@@ -13,7 +13,7 @@ const WORDS: Words = Words {
     asking: "asking whether maps are called for",
 };
 
-/// The question for one kind of map.
+/// The question whether any pixel needs maps, for one kind of effect: shadow maps, or effects on glass.
 #[derive(Debug)]
 pub struct Ask {
     question: Question,
@@ -21,15 +21,15 @@ pub struct Ask {
 }
 
 impl Ask {
-    /// The question for glass pixels, or for pixels that face the light.
+    /// With `glass`, the question for pixels that show glass; else for pixels that face the light.
     pub fn new(gpu: &Gpu, inputs: &Inputs, glass: bool) -> Result<Self, BackendError> {
         let source = shader::ask_source(glass);
         let question = Question::new(gpu, inputs, WORDS, source, size_of::<AskUniform>(), 1)?;
         Ok(Self { question, glass })
     }
 
-    /// Nearest and farthest depth of the pixels that need maps, 0 in the question for glass; `None` if no pixel needs
-    /// maps. Waits. `glass` is the table of glass triangles.
+    /// Nearest and farthest depth of the pixels that need maps, both 0 in the question for glass; `None` if no pixel needs
+    /// maps. Waits for the device. `glass` is the table of glass triangles.
     pub fn any(
         &mut self,
         gpu: &Gpu,
@@ -37,7 +37,7 @@ impl Ask {
         glass: &wgpu::Buffer,
         params: AskUniform,
     ) -> Result<Option<[f32; 2]>, BackendError> {
-        // The numbers of `Found` in the shader.
+        // The members of `Found` in the shader.
         let mut found = [0_u32; 3];
         let groups = params.size.map(|pixels| pixels.div_ceil(GROUP));
         self.question.ask(gpu, gbuffer, &[glass], bytemuck::bytes_of(&params), groups, &mut found)?;

@@ -1,4 +1,4 @@
-// Whether any pixel needs maps: without one, no map is drawn.
+// Finds out whether any pixel needs maps. If none does, no map is drawn.
 //
 //   GLASS   looks for a pixel that shows glass; else for one that faces the light, and for the range of depths of all such pixels
 

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU64;
 
-/// A uniform struct of this size.
+/// The type of a binding of a uniform struct of this size.
 pub fn uniform(bytes: usize) -> wgpu::BindingType {
     wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
@@ -11,18 +11,18 @@ pub fn uniform(bytes: usize) -> wgpu::BindingType {
     }
 }
 
-/// A storage array.
+/// The type of a binding of a storage array.
 pub fn storage(read_only: bool) -> wgpu::BindingType {
     let ty = wgpu::BufferBindingType::Storage { read_only };
     wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
 }
 
-/// A texture that is read without a sampler.
+/// The type of a binding of a texture that is read without a sampler.
 pub fn texture(sample_type: wgpu::TextureSampleType, view_dimension: wgpu::TextureViewDimension) -> wgpu::BindingType {
     wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false }
 }
 
-/// The layout of a group.
+/// The layout of a bind group with bindings of these types.
 pub fn layout(
     device: &wgpu::Device,
     label: &str,
@@ -34,7 +34,7 @@ pub fn layout(
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-/// A group with that layout.
+/// A bind group with a layout made by [`layout`].
 pub fn bind<'a>(
     device: &wgpu::Device,
     label: &str,

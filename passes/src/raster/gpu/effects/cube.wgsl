@@ -8,7 +8,7 @@ struct Params {
     axes: array<vec4<f32>, 18>,
     // Texels along a side of a face.
     map_size: u32,
-    // Number of probes, and number of ranges of glass.
+    // Number of probes, and number of ranges of glass triangles.
     probes: u32,
     ranges: u32,
     // Refractive index of a whole pane.

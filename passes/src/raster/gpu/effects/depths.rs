@@ -27,7 +27,7 @@ pub struct Depths {
     pictures: Kept<(u32, u32), Picture>,
 }
 
-/// The depths of pictures of one size.
+/// The texture of depths for pictures of one size, and its bindings.
 #[derive(Debug)]
 struct Picture {
     size: (u32, u32),
@@ -56,7 +56,7 @@ impl Depths {
         self.pictures.values().map(|picture| 4 * u64::from(picture.size.0) * u64::from(picture.size.1)).sum()
     }
 
-    /// Makes a picture available; returns whether it is new.
+    /// Makes the depths of a picture of this size available; returns whether their texture is new.
     pub fn require(&mut self, gpu: &Gpu, size: (u32, u32)) -> Result<bool, BackendError> {
         let (layout, uniform) = (&self.layout, &self.uniform);
         let made = self.pictures.require(gpu, size, |(width, height)| {
@@ -72,17 +72,17 @@ impl Depths {
         Ok(made.1)
     }
 
-    /// The last required picture.
+    /// The depths that were [required](Self::require) last; `None` before that.
     pub fn view(&self) -> Option<&wgpu::TextureView> {
         self.pictures.last().map(|picture| &picture.view)
     }
 
-    /// Sets the camera of the picture.
+    /// Sets the camera for which depths are computed.
     pub fn look(&self, gpu: &Gpu, camera: ScreenCamera) {
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&DepthsUniform { camera }));
     }
 
-    /// Records the computation of the last required picture from a G-buffer of its size.
+    /// Records the computation of the depths that were [required](Self::require) last, from a G-buffer of the same size.
     pub fn record(&self, pass: &mut wgpu::ComputePass<'_>, gbuffer: &wgpu::BindGroup) {
         let Some(picture) = self.pictures.last() else { return };
         pass.set_pipeline(&self.pipeline);

@@ -14,16 +14,16 @@ use std::time::Duration;
 /// The compiled filter.
 #[derive(Debug)]
 pub(crate) struct ShareFilter {
-    /// Writes a colour.
+    /// The program of the last level: writes a colour.
     last: Program,
-    /// Writes one number per pixel, for the next level.
+    /// The program of the levels before: writes one number per pixel, for the next level.
     between: Option<Program>,
 }
 
 /// The inputs, outputs and parameters of a filter run.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Filtered<'a> {
-    /// Columns and rows.
+    /// Columns and rows of the pictures.
     pub size: (u32, u32),
     /// The bind group with positions and normals.
     pub gbuffer: &'a wgpu::BindGroup,
@@ -31,7 +31,7 @@ pub(crate) struct Filtered<'a> {
     pub pictures: &'a [&'a wgpu::TextureView],
     /// Whether all pictures but the last hold one number per pixel instead of a colour.
     pub shares: bool,
-    /// Exponent of the result.
+    /// Exponent that the last level applies to its averages.
     pub exponent: f32,
 }
 
@@ -40,7 +40,7 @@ impl ShareFilter {
         Ok(Self { last: Program::new(gpu, inputs, Variant::filter(true))?, between: None })
     }
 
-    /// Filters, and waits.
+    /// Runs one filter level for each picture but the last, and waits.
     pub fn run(
         &mut self,
         gpu: &Gpu,
@@ -67,17 +67,17 @@ impl ShareFilter {
     }
 }
 
-/// Number of submissions of a level.
+/// Number of submissions of one filter level.
 pub(super) fn submissions(size: (u32, u32)) -> u64 {
     task(size, 0).submissions()
 }
 
-/// The work of a level: a weight for each of 25 pixels.
+/// The work of one filter level: for each pixel, a weight for each of 25 pixels.
 fn task((width, height): (u32, u32), level: u32) -> Task {
     Task { width, height, id_base: 0, texels: 25, apart: 1 << level }
 }
 
-/// The filter after ray passes. It has its own timer and G-buffer layout, because ray passes have none for it.
+/// The filter after ray passes, with a timer and a G-buffer layout of its own.
 #[derive(Debug)]
 pub(crate) struct RayFilter {
     inputs: Inputs,

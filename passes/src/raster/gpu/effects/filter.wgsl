@@ -1,9 +1,9 @@
-// One level of the edge-avoiding filter of ambient occlusion: `raster::effects::filter`.
+// One level of the edge-avoiding filter of ambient occlusion and ray passes: `raster::effects::filter`.
 
 struct Params {
     // Distance of neighbouring taps in pixels, as a power of 2.
     level: u32,
-    // Exponent of the result.
+    // Exponent that is applied to the averages: 1 in all levels but the last.
     exponent: f32,
 }
 
@@ -14,11 +14,11 @@ const TILE = GROUP + 4u;
 
 // For each pixel of the tile: position and share.
 var<workgroup> places: array<vec4<f32>, TILE * TILE>;
-// Unit normal, and 1 where there is a surface, else 0.
+// For each pixel of the tile: unit normal, and 1 where there is a surface, else 0.
 var<workgroup> surfaces: array<vec4<f32>, TILE * TILE>;
 
-// The pixels of a workgroup are `step` apart, as the taps are, so that it reads each pixel of its tile once. The pixels between them belong to
-// the other groups of a square of `step` times `step` groups.
+// The pixels of a workgroup are `step` apart, as the taps are, so that the workgroup reads each pixel of its tile once. The pixels between
+// them belong to the other workgroups of a square of `step` times `step` workgroups.
 @compute @workgroup_size(GROUP, GROUP)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,

@@ -30,7 +30,7 @@ pub struct Inputs {
 #[derive(Debug)]
 pub struct Ready<'a> {
     pub group: &'a wgpu::BindGroup,
-    /// Offset of stored triangle ids: the stored value is the id plus this.
+    /// Offset of stored triangle ids: the stored value is the id plus this number.
     pub id_base: u32,
     /// Time of the copy from host memory; `None` if nothing was copied.
     pub upload: Option<Duration>,
@@ -86,7 +86,7 @@ impl Inputs {
         }
         let group = targets.group.get_or_init(|| self.bind(gpu, views));
         gpu.check("binding of the G-buffer")?;
-        // 1, because the attachment is cleared to 0, see `Targets`.
+        // The attachment stores ids plus 1, because it is cleared to 0, see `Targets`.
         Ok(Ready { group, id_base: 1, upload: None })
     }
 

@@ -3,7 +3,7 @@
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// Number of entries: the passes of one frame may have several sizes.
+/// Greatest number of entries: the passes of one frame may have several sizes.
 const KEPT: usize = 4;
 
 /// A few values with their keys; the last used is last.
@@ -31,7 +31,7 @@ impl<K: PartialEq, V> Kept<K, V> {
                     self.0.remove(0);
                 }
                 let value = match make(&key) {
-                    // Memory may be full with the other values.
+                    // Memory may be full because of the kept values.
                     Err(BackendError::Device { .. }) if !self.0.is_empty() => {
                         self.0.clear();
                         gpu.submit_and_wait(None, "release of what other frames left")?;

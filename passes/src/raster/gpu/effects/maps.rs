@@ -24,17 +24,17 @@ pub enum MapsKey {
     Depth {
         /// Texels along a side.
         size: u32,
-        /// Number of maps.
+        /// Number of depth maps.
         cascades: u32,
     },
     /// Colours in all directions around some points.
     Cubes {
         /// Texels along a side of a face.
         size: u32,
-        /// Number of points.
+        /// Number of these points.
         probes: u32,
     },
-    /// Colours from mirrored cameras, with the pixels of the picture.
+    /// Colours from mirrored cameras, with as many pixels as the picture.
     Mirrors {
         /// Columns and rows of the picture.
         size: [u32; 2],
@@ -50,7 +50,7 @@ pub struct Shot {
     pub view: View,
     /// Index of the map's layer.
     pub layer: u32,
-    /// The pixels to draw, of a layer that other pictures share; `None` draws the whole layer.
+    /// The rectangle of the layer to draw, if other pictures share the layer; `None` draws the whole layer.
     pub pixels: Option<Rect>,
     /// Whether the layer already holds other pictures, which are kept.
     pub keeps: bool,
@@ -64,7 +64,7 @@ impl Shot {
 }
 
 impl MapsKey {
-    /// Bytes of device memory, including a depth buffer that faces share.
+    /// Bytes of device memory, including the one depth buffer that all faces or all layers of mirrors share.
     pub fn bytes(self) -> u64 {
         let texels = |size: u32| u64::from(size) * u64::from(size);
         match self {
@@ -80,11 +80,11 @@ impl MapsKey {
 /// Maps of one size: square depth maps, the faces of cube maps with colours, or pictures of mirrors.
 #[derive(Debug, Clone)]
 pub struct Maps {
-    /// The array that the pixel program reads: all depths, or all faces, probe by probe.
+    /// The array that the pixel program reads: all depth maps, all faces, probe by probe, or all layers of mirrors.
     pub read: wgpu::TextureView,
-    /// Colour targets, one for each face; empty for depth maps.
+    /// Colour targets, one for each face or layer of mirrors; empty for depth maps.
     faces: std::sync::Arc<[wgpu::TextureView]>,
-    /// Depth targets, one for each depth map; faces share one.
+    /// Depth targets, one for each depth map; all faces, or all layers of mirrors, share one.
     depths: std::sync::Arc<[wgpu::TextureView]>,
     /// Bytes of device memory, see [`MapsKey::bytes`].
     pub bytes: u64,
@@ -137,7 +137,7 @@ impl Maps {
         Ok(Self { snapped_depth: false, ..maps })
     }
 
-    /// Maps with colours that share a depth buffer.
+    /// `count` maps with colours, which share a depth buffer.
     fn colors(gpu: &Gpu, label: &str, size: [u32; 2], count: u32, bytes: u64) -> Result<Self, BackendError> {
         let doing = format!("creation of the {label}");
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;

@@ -81,13 +81,14 @@ pub(super) struct Effects {
     asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
-    /// Pictures that filter levels read: the first has the occlusion and the results of even levels, the second those of odd levels.
+    /// Pictures that filter levels read. The second has the result of the first, third, … level; the first has the occlusion, and then the
+    /// result of the second, fourth, … level.
     shares: [Kept<(u32, u32), Output>; 2],
     /// Bind group 1 of programs, by output and maps. Groups of dropped resources are removed.
     groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
     boxes: Table,
-    /// The runs of glass; `mirrors` are those of the frame.
+    /// The runs of glass triangles by plane; `mirrors` has the mirrors of the current frame.
     runs: Table,
     mirrors: Table,
     surveyor: Option<Surveyor>,
@@ -96,7 +97,7 @@ pub(super) struct Effects {
     filter: Option<ShareFilter>,
     plane_of: Vec<u32>,
     probes: Probes,
-    /// The rasteriser that draws the surroundings from which proxies are computed.
+    /// The rasteriser that draws the surroundings from which proxies are computed; set when the first proxy is.
     surroundings: Option<Box<CpuRasteriser>>,
     shots: Vec<Shot>,
     /// The ranges of glass triangles that [`Self::glass`] holds.
@@ -129,7 +130,7 @@ impl Output {
 struct Prepared {
     maps: Option<MapsKey>,
     params: Vec<u8>,
-    /// Time to build the pyramid.
+    /// Time that building the pyramid took.
     building: Part,
 }
 
@@ -282,7 +283,7 @@ impl Effects {
         Ok(stats)
     }
 
-    /// The picture of the last pass.
+    /// The output of the last pass; `None` before the first.
     pub fn picture(&self) -> Option<&wgpu::Texture> {
         self.outputs.last().map(|output| &output.texture)
     }
@@ -312,7 +313,7 @@ impl Effects {
         filter.run(gpu, &self.inputs, context.timer, &filtered, progress)
     }
 
-    /// Nearest and farthest depth of the pixels that need the program's maps; both are 0 if these are glass pixels. `None`
+    /// Nearest and farthest depth of the pixels that need the program's maps; both are 0 if glass pixels need them. `None`
     /// if no pixel needs maps, so that no maps are drawn.
     fn called_for(
         &mut self,
@@ -352,7 +353,7 @@ impl Effects {
         ask.any(gpu, gbuffer, &self.glass.buffer, params)
     }
 
-    /// Bind group 1 of a program, with the last used output and maps.
+    /// Bind group 1 of a program, with the output, maps and pyramid that were required last.
     fn group(
         &mut self,
         gpu: &Gpu,
@@ -403,7 +404,7 @@ fn levels(job: &EffectJob<'_>) -> u32 {
     if occludes(job.program) { job.params.filter } else { 0 }
 }
 
-/// The time of two consecutive parts. A part for which nothing was submitted has no device time.
+/// The sum of the times of two consecutive parts. A part for which nothing was submitted has no device time.
 fn together(a: Part, b: Part) -> Part {
     let device = match (a.device, b.device) {
         (Some(a), Some(b)) => Some(a + b),

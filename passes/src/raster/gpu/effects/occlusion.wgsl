@@ -46,17 +46,17 @@ struct Here {
     right: vec3<f32>,
     down: vec3<f32>,
     sight: vec3<f32>,
-    // In the pixel's basis.
+    // The normal, in the pixel's basis.
     normal: vec3<f32>,
 }
 
 // A direction in which occluders are searched.
 struct Slice {
-    // Cosine and sine of its angle.
+    // Cosine and sine of the slice's angle.
     turn: vec2<f32>,
-    // Its unit direction in columns and rows.
+    // Unit direction of the slice in the picture, in columns and rows.
     along: vec2<f32>,
-    // Change of column and row, as one length, and change of `w`, for each unit of length.
+    // Change of the place in the picture, as a length in columns and rows, and change of `w`, for each unit of length along the slice.
     rate: vec2<f32>,
     // Length along the slice that covers one pixel of the picture.
     pixel: f32,
@@ -67,7 +67,7 @@ struct Found {
     // Column and row, as numbers that `ROUND` was added to.
     rounded: vec2<f32>,
     pixel: vec2<u32>,
-    // Whether it is a pixel of the picture.
+    // Whether the step arrives inside the picture.
     inside: bool,
 }
 
@@ -153,8 +153,8 @@ fn slice_of(here: Here, turn: vec2<f32>) -> Slice {
     return Slice(turn, rate.xy * inverse, vec2<f32>(squared * inverse, rate.z), here.w * inverse);
 }
 
-// Distances in pixels from the middle to positions at these distances along a slice; at most `most`, which also stands for positions behind
-// the eye.
+// Distances in pixels from the pixel's centre to the places where the positions at distances `reach` along a slice are seen. They are at most
+// `most`, which also stands for positions behind the eye.
 fn pixels_to(here: Here, slice: Slice, reach: vec2<f32>) -> vec2<f32> {
     let w = fma(vec2<f32>(slice.rate.y), reach, vec2<f32>(here.w));
     let pixels = min(abs(reach) * slice.rate.x / w, vec2<f32>(params.most));
@@ -169,7 +169,8 @@ fn look(here: Here, slice: Slice, pixels: f32) -> Found {
     return Found(rounded, pixel, all(pixel < frame.size));
 }
 
-// Columns and rows from the middle. The factor 1 comes from a parameter that compilers do not know, so that they cannot cancel `ROUND`.
+// Columns and rows from the pixel's centre to a step's pixel. The factor 1 is a parameter that compilers do not know, so that they cannot
+// cancel `ROUND`.
 fn aside(here: Here, found: Found) -> vec2<f32> {
     return fma(found.rounded, vec2<f32>(params.eye.w), -here.center);
 }
@@ -250,7 +251,7 @@ fn open(pixel: vec2<u32>, depth: f32, normal: vec3<f32>) -> f32 {
         turn = turned(turn);
         let first = fraction(seeds) * params.interval;
         seeds += vec2<u32>(JITTER_1, JITTER_2);
-        // Otherwise the normal is almost perpendicular to the plane.
+        // If the slice does not count, the normal is almost perpendicular to its plane.
         let counts = plane.squared >= LEAST_WEIGHT;
         let tilt = tilt_of(plane);
         let all = plane.normal.x + tilt * plane.normal.y;
@@ -320,7 +321,7 @@ fn tilt_of(plane: Plane) -> f32 {
 }
 
 //#if BITMASK
-// The measures of a slice's sectors: `raster::effects::occlusion::bitmask`.
+// How the contribution of a slice is divided into sectors: `raster::effects::occlusion::bitmask`.
 struct Sectors {
     // Cosine and sine of the projected normal's angle.
     normal: vec2<f32>,

@@ -1,4 +1,4 @@
-// The entry point of programs that compute a pixel on its own: `compute` gives its value.
+// The entry point of programs that compute each pixel independently of the others: `compute` returns a pixel's value.
 @compute @workgroup_size(GROUP, GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = vec2<u32>(id.x, id.y + frame.first_row);

@@ -1,8 +1,8 @@
-// Reflection in flat glass from mirrored cameras: `raster::effects::mirrors`. A mirror's picture has the pixels of the
-// window.
+// Reflection in flat glass from mirrored cameras: `raster::effects::mirrors`. A pixel of a mirror's picture belongs to the
+// same pixel of the output.
 
 struct Params {
-    // Number of mirrors, and number of ranges of glass.
+    // Number of mirrors, and number of ranges of glass triangles.
     mirrors: u32,
     ranges: u32,
 }
@@ -12,12 +12,12 @@ struct Mirror {
     // The unit normal; w is the square of the greatest sine between it and shading normals.
     normal: vec4<f32>,
     plane: u32,
-    // Layer of its picture.
+    // Layer of the mirror's picture.
     layer: u32,
 }
 
 @group(1) @binding(3) var pictures: texture_2d_array<f32>;
-// First triangle, end and plane of each range of triangles of glass, ascending.
+// First triangle, end and plane of each range of glass triangles, ascending.
 @group(1) @binding(4) var<storage, read> glass: array<vec4<u32>>;
 @group(1) @binding(5) var<storage, read> mirrors: array<Mirror>;
 

@@ -1,4 +1,4 @@
-//! What a program needs before it runs: maps that are drawn, the pyramid of the picture, and its uniforms.
+//! Prepares the data that a pixel program reads: drawn maps, the pyramid of the picture, and the program's uniforms.
 
 use super::depths::Depths;
 use super::inputs::Ready;
@@ -119,7 +119,7 @@ impl Effects {
         Ok(Prepared { params: bytemuck::bytes_of(&uniform).to_vec(), building, ..prepared })
     }
 
-    /// Draws the cube maps of the panes that cover most of the picture.
+    /// Draws the cube maps of the panes that cover the most area of the picture.
     pub(super) fn cube_maps(
         &mut self,
         context: &mut Context<'_>,
@@ -131,7 +131,7 @@ impl Effects {
     ) -> Result<Prepared, BackendError> {
         let bounds = context.cache.bounds(job.scene);
         let panes = if called { context.cache.panes(job.scene, job.glass) } else { &[] };
-        // As many as any view may need, so that the maps are kept when the camera moves.
+        // Room for as many cube maps as any view may need, so that the maps are kept when the camera moves.
         let most = job.params.probes.min(panes.len() as u32);
         self.probes.choose(panes, &bounds, &job.view, job.params.probes);
         if job.params.parallax == Parallax::Box {
@@ -204,7 +204,7 @@ impl Effects {
         stats.glass_pixels = mirrors.glass_pixels;
         let chosen = &mirrors.chosen;
         let layers = share_layers(chosen.iter().map(|mirror| mirror.pixels));
-        // A power of two, so that the maps are mostly kept when the camera moves.
+        // The number of layers is a power of two, so that the maps are mostly kept when the camera moves.
         let count = layers.iter().max().map_or(1, |last| (last + 1).next_power_of_two());
         let size = if chosen.is_empty() { [1; 2] } else { [job.width, job.height] };
         let key = MapsKey::Mirrors { size, layers: count };

@@ -86,11 +86,11 @@ fn resources(variant: Variant) -> Vec<wgpu::BindingType> {
     }
 }
 
-/// The bind groups of a program, and the work that must come before it.
+/// The bind groups of a program, and the work that must run before the program.
 pub struct Bound<'a> {
-    /// Its bind groups.
+    /// The program's bind groups, by index.
     pub groups: &'a [&'a wgpu::BindGroup],
-    /// Records the computation that must come before the program, if there is any.
+    /// Records the computation that must run before the program; `None` if there is none.
     pub before: Option<&'a dyn Fn(&mut wgpu::ComputePass<'_>)>,
 }
 
@@ -193,7 +193,7 @@ pub struct Task {
     pub id_base: u32,
     /// Approximate number of texels read for each pixel.
     pub texels: u64,
-    /// Distance between neighbouring pixels of a workgroup.
+    /// Distance in the picture between pixels that are neighbours in a workgroup.
     pub apart: u32,
 }
 

@@ -6,13 +6,13 @@ use super::programs::compute_pipeline;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 
-/// The names of a question in messages.
+/// The names of a question in error messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Words {
     pub label: &'static str,
-    /// Message while it is compiled.
+    /// What is done while the question is compiled.
     pub building: &'static str,
-    /// Message while it runs.
+    /// What is done while the question runs.
     pub asking: &'static str,
 }
 
@@ -23,14 +23,14 @@ pub struct Question {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     params: wgpu::Buffer,
-    /// The buffer that the device writes, and the one that the host reads.
+    /// The buffer into which the device writes the answer, and the copy of it that the host reads.
     answer: [wgpu::Buffer; 2],
     /// The tables of the last call, and the bind group made for them.
     group: Option<(Vec<wgpu::Buffer>, wgpu::BindGroup)>,
 }
 
 impl Question {
-    /// Compiles a shader that reads `params` bytes of uniforms and a number of tables.
+    /// Compiles a shader that reads `params` bytes of uniforms and as many tables as `tables`.
     pub fn new(
         gpu: &Gpu,
         inputs: &Inputs,

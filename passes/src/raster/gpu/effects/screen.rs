@@ -24,7 +24,7 @@ use std::time::Instant;
 
 /// Bytes between the uniforms of consecutive levels: the greatest alignment that devices require.
 const STRIDE: u64 = 256;
-/// Number of counts: glass pixels, those that the screen answers, and those that keep some of their own colour.
+/// Number of counts: glass pixels, those whose rays the screen answers, and those that keep some of their own colour.
 const COUNTS: usize = 3;
 
 /// Resources kept from picture to picture.
@@ -34,7 +34,7 @@ pub struct Marching {
     layout: wgpu::BindGroupLayout,
     pyramids: Kept<[u32; 2], Pyramid>,
     behind: Kept<[u32; 2], Targets>,
-    /// The buffer that the program adds to, and the one that the host reads.
+    /// The buffer of counts to which the program adds, and the copy of it that the host reads.
     counts: [wgpu::Buffer; 2],
 }
 
@@ -44,7 +44,7 @@ struct Pyramid {
     nearest: wgpu::Buffer,
     uniforms: wgpu::Buffer,
     levels: Vec<Level>,
-    /// One for each level.
+    /// Bind groups of the program that builds the pyramid, one for each level.
     groups: Vec<wgpu::BindGroup>,
 }
 
@@ -70,28 +70,28 @@ impl Marching {
         pyramids + self.behind.values().map(Targets::bytes).sum::<u64>()
     }
 
-    /// The resources that the program binds: the pyramid and the counts.
+    /// The resources that the program binds: the last required pyramid and the counts; `None` before the first pyramid.
     pub fn resources(&self) -> Option<[wgpu::BindingResource<'_>; 2]> {
         Some([self.pyramids.last()?.nearest.as_entire_binding(), self.counts[0].as_entire_binding()])
     }
 
-    /// Columns and rows of the last required pyramid.
+    /// Columns and rows of the picture of the last required pyramid; `None` before the first.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.levels().first().map(|level| [level.width, level.height])
     }
 
-    /// The levels of the last required pyramid.
+    /// The levels of the last required pyramid; empty before the first.
     pub fn levels(&self) -> &[Level] {
         self.pyramids.last().map_or(&[], |pyramid| &pyramid.levels)
     }
 
-    /// The bind group of the last required picture without glass.
+    /// The bind group of the last required picture without glass; `None` before the first.
     pub fn behind_group(&self, gpu: &Gpu, inputs: &Inputs) -> Option<wgpu::BindGroup> {
         let targets = self.behind.last()?;
         Some(targets.group.get_or_init(|| inputs.bind(gpu, targets.views())).clone())
     }
 
-    /// Makes a pyramid available. Returns whether it is new; an older one may then have been dropped.
+    /// Makes a pyramid for pictures of this size available. Returns whether it is new; then an older pyramid may have been dropped.
     pub fn require(&mut self, gpu: &Gpu, size: [u32; 2], what: &str) -> Result<bool, BackendError> {
         let binding_layout = &self.layout;
         let made = self.pyramids.require(gpu, size, |size| {
@@ -172,7 +172,7 @@ impl Marching {
         Ok(sums)
     }
 
-    /// Makes a picture without glass available; returns whether it is new.
+    /// Makes the attachments of a picture without glass of this size available; returns whether they are new.
     pub fn require_behind(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool, BackendError> {
         let stored = Stored::new(BEHIND, Attachments::default());
         let made = self.behind.require(gpu, size, |[width, height]| Targets::new(gpu, *width, *height, stored))?;

@@ -9,11 +9,11 @@ struct Params {
     axes: array<vec4<f32>, 18>,
     // First block, blocks in a row, and rows of each level of the pyramid.
     levels: array<vec4<u32>, MAX_LEVELS>,
-    // Number of levels; 0 in a picture without glass.
+    // Number of levels; 0 if no pixel shows glass or the camera is degenerate: then every pixel keeps its colour.
     level_count: u32,
     // Texels along a side of a face.
     map_size: u32,
-    // Number of probes, and number of ranges of glass.
+    // Number of probes, and number of ranges of glass triangles.
     probes: u32,
     ranges: u32,
     // Refractive index of a whole pane.
@@ -30,8 +30,8 @@ struct Params {
 @group(1) @binding(4) var<storage, read> glass: array<vec2<u32>>;
 @group(1) @binding(5) var<storage, read> probes: array<Probe>;
 @group(1) @binding(6) var<storage, read> pyramid: array<f32>;
-// Counts of glass pixels, of those that the screen answers, and of those that keep some of their colour. Each count is
-// distributed over many sums, which the host adds.
+// Counts of glass pixels, of those whose rays the screen answers, and of those that keep some of their colour. Each count
+// is distributed over many sums, which the host adds.
 @group(1) @binding(7) var<storage, read_write> counts: array<atomic<u32>>;
 //#if REFRACT
 @group(2) @binding(0) var seen_color: texture_2d<f32>;
@@ -87,7 +87,7 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
     return result;
 }
 
-// The colour in a direction: from the screen, else from a cube map, else the glass's own colour.
+// The colour that a ray hits: from the screen if it shows the hit, else from a cube map if there is one, else the glass's own colour.
 fn look(position: vec3<f32>, direction: vec3<f32>, own: vec3<f32>, rays: ptr<function, Rays>) -> vec3<f32> {
     let met = march(position, direction);
     if met.x >= 0 {
@@ -154,7 +154,7 @@ fn march(position: vec3<f32>, direction: vec3<f32>) -> vec2<i32> {
     let rounding = ROUNDING * abs(start.z);
     let last = params.level_count - 1u;
     let most_steps = 4u * (frame.size.x + frame.size.y) + 256u;
-    // The fraction of the ray at which it enters the block, and a fraction inside of the block.
+    // `enter` and `t` are fractions of the ray's line: where the ray enters the block, and a place inside the block.
     var enter = 0.0;
     var t = 0.0;
     var level = 0u;

@@ -28,7 +28,7 @@ pub const LARGE_GROUP: u32 = 16;
 /// file.
 const COMMON: &str = include_str!("common.wgsl");
 
-/// The entry point of programs that compute every pixel on its own.
+/// The entry point of programs that compute each pixel independently of the others.
 const PIXELS: &str = include_str!("pixels.wgsl");
 
 /// Shared by programs that look up glass triangles.
@@ -72,7 +72,7 @@ pub struct Variant {
     pub soft: bool,
     /// For shadow maps: pixels whose tests differ are left to rays.
     pub border: bool,
-    /// For `gtao`: by bitmasks instead of horizons.
+    /// For [`EffectProgram::HorizonOcclusion`]: the method by bitmasks instead of the method by horizons.
     pub bitmask: bool,
     /// For occlusions: the camera has perspective.
     pub perspective: bool,
@@ -83,7 +83,7 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// A program for a point of light, without options.
+    /// The variant of a program without options, for shadow maps with a point of light.
     pub fn plain(program: EffectProgram) -> Self {
         let (soft, border, bitmask, perspective) = (false, false, false, false);
         Self { program, soft, border, bitmask, perspective, filter: false, share: false }

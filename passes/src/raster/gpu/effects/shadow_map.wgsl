@@ -18,7 +18,7 @@ struct Cascade {
 }
 
 struct Params {
-    // From near to far.
+    // The cascades, from near to far.
     cascades: array<Cascade, MAX_CASCADES>,
     // 0 where nothing can cast a shadow; there is no map then.
     count: u32,
@@ -75,7 +75,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
 //#endif
     cascade = min(cascade, params.count - 1u);
     let at = place.xy - 0.5;
-    // This is also true for a NaN.
+    // The negated comparisons are also true for a NaN.
     if !(all(abs(at) < vec2<f32>(1e6)) && abs(place.z) < LARGEST) {
         return 1.0;
     }
@@ -115,7 +115,7 @@ fn search_radius(cascade: u32, depth: f32) -> f32 {
     return min(params.cascades[cascade].spread * clamp(1.0 - depth, 0.0, 1.0), params.cascades[cascade].aside);
 }
 
-// A shadow test, interpolated between the four texels around a place in units of texel centres.
+// A shadow test, interpolated between the four texels around a place; the centre of the first texel is at 0.
 fn between(at: vec2<f32>, depth: f32, cascade: u32) -> f32 {
     let corner = floor(at);
     let share = at - corner;
@@ -144,7 +144,7 @@ fn stored_depth(texel: vec2<i32>, cascade: u32) -> f32 {
     let first = vec2<i32>(corner) - params.reach;
     let width = 2 * params.reach + 2;
 //#if BORDER
-    // The map covers the place, so all texels are inside.
+    // The map covers the place, so all texels of the filter are inside the map.
     let is_lit = depth >= textureLoad(shadow_maps, first, cascade, 0);
     for (var row = 0; row < width; row++) {
         for (var column = 0; column < width; column++) {

@@ -6,7 +6,7 @@ struct Params {
     size: vec2<u32>,
     // Offset of stored triangle ids: the stored value is the id plus this.
     id_base: u32,
-    // Number of ranges of glass.
+    // Number of ranges of glass triangles.
     ranges: u32,
 }
 
@@ -17,11 +17,11 @@ struct Params {
 @group(1) @binding(1) var<storage, read> glass: array<vec4<u32>>;
 // For each plane: its unit normal, and the square of the greatest sine between it and shading normals.
 @group(1) @binding(2) var<storage, read> normals: array<vec4<f32>>;
-// First five numbers, of which the first counts all glass pixels. Then five for each plane: the number of pixels, the
-// complements of the first column and row, and the last column and row. All start at 0.
+// The first five numbers, of which only one is used, the count of all glass pixels. Then five for each plane: the number of
+// pixels, the complements of the first column and row, and the last column and row. All start at 0.
 @group(1) @binding(3) var<storage, read_write> seen: array<atomic<u32>>;
 
-// Each invocation reads several neighbouring pixels of a row. They mostly show the same plane, so it writes once.
+// Each invocation reads several neighbouring pixels of a row. They mostly show the same plane, so the invocation mostly writes once.
 @compute @workgroup_size(GROUP, GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let first = id.x * SEGMENT;

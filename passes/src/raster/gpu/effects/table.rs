@@ -1,4 +1,4 @@
-//! Short lists that programs read from buffers.
+//! Short lists that pixel programs read from device buffers.
 
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;

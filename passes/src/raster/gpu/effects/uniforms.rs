@@ -44,7 +44,7 @@ impl FrameUniform {
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct AskUniform {
-    /// Without glass, the [`depth_plane`](crate::raster::effects::cascades::depth_plane).
+    /// The camera's [`depth_plane`](crate::raster::effects::cascades::depth_plane); not read in the question for glass.
     pub depth_plane: Vec4,
     pub size: [u32; 2],
     pub id_base: u32,
@@ -78,7 +78,7 @@ pub struct ShadowUniform {
 }
 
 impl ShadowUniform {
-    /// The uniforms for some cascades; without a cascade, everything is lit.
+    /// The uniforms for these cascades; without a cascade, every pixel is lit.
     pub fn new(job: &EffectJob<'_>, cascades: &Cascades) -> Self {
         let params = &job.params;
         let mut uniform: Self = bytemuck::Zeroable::zeroed();
@@ -86,7 +86,7 @@ impl ShadowUniform {
         uniform.map_size = params.map_size as i32;
         uniform.reach = params.pcf as i32;
         (uniform.search, uniform.filter_taps) = (TAPS.search, TAPS.filter);
-        // Distance of the hard filter's farthest texel. With a disc, the distance of each tap is added.
+        // The bias is for the distance of the hard filter's farthest texel. With a disc, the shader adds the distance of each tap.
         let texels = params.bias * if params.sun > 0.0 { 1.0 } else { (params.pcf + 1) as f32 };
         for (to, fit) in uniform.cascades.iter_mut().zip(&cascades.fits) {
             *to = CascadeUniform {
@@ -151,7 +151,7 @@ pub struct ScreenUniform {
 }
 
 impl ScreenUniform {
-    /// Without a camera and levels, every pixel keeps its own colour.
+    /// `seen` is the picture's camera and the levels of its pyramid. If it is `None`, every pixel keeps its own colour.
     pub fn new(
         job: &EffectJob<'_>,
         seen: Option<(&ScreenCamera, &[Level])>,

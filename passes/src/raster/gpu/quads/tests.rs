@@ -246,7 +246,7 @@ fn codes_after_the_tone_curve_are_the_hosts_or_the_next_ones() {
 #[test]
 fn pictures_of_one_colour_are_told_and_launches_of_a_few_rows_give_the_same() {
     let Some(mut gpu) = gpu() else { return };
-    // Five rows of floats fit in a launch.
+    // A launch fills at most five rows of floats.
     gpu.limits.max_storage_buffer_binding_size = u64::from(5 * 16 * WIDTH);
     let mut grey = vec![[0.25, 0.5, 0.0, 1.0]; PIXELS];
     for (index, pixel) in grey.iter_mut().enumerate() {

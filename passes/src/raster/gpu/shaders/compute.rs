@@ -10,7 +10,7 @@ use curitiba_pipeline::backend::{BackendError, ComputeJob};
 use curitiba_pipeline::glsl::Program;
 use std::sync::Arc;
 
-/// A pipeline and the layouts of its groups.
+/// The pipeline of a compute shader, and the layouts of its bind groups.
 #[derive(Debug)]
 struct Kernel {
     program: Arc<Program>,

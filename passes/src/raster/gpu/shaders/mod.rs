@@ -20,7 +20,7 @@ use quad::{Filled, Quad, bind_storage, channel_texture, read_storage, upload_sto
 use std::sync::Arc;
 use textures::{Sampled, Textures};
 
-/// Greatest number of triangles of a pass, with all instances.
+/// Greatest number of triangles of a pass with several instances; each instance counts.
 const MAX_DRAWN: u64 = 1 << 32;
 
 /// One draw call.
@@ -33,10 +33,10 @@ struct Draw {
     storage: Option<wgpu::BindGroup>,
     attributes: Vec<Attribute>,
     chunk: usize,
-    /// First triangle of the scene.
+    /// Index in the scene of the first triangle.
     first: u32,
     count: u32,
-    /// Whether the last corner of a triangle comes first.
+    /// Whether the triangles are drawn with the indices of [`Shaders::turned`], which list the last corner first.
     turned: bool,
     blends: bool,
 }
@@ -258,7 +258,7 @@ fn bind_stored(
     if material.storage.len() != program.storage.len() {
         return Err(failure("a material binds other buffers than its shader has"));
     }
-    // A place to which the material binds nothing gets a buffer of one texel, which no shader reaches.
+    // A storage binding for which the material has no buffer gets a buffer of one texel, which no shader reaches.
     let nothing = upload_storage(gpu, &vec![vec![[0.0; 4]]; program.storage.len()])?;
     let mut bound = Vec::with_capacity(program.storage.len());
     for ((index, of), nothing) in material.storage.iter().zip(&program.storage).zip(nothing) {
@@ -276,7 +276,7 @@ fn bind_stored(
     Ok(group)
 }
 
-/// The uniform buffers of a draw.
+/// The bind group of the uniform buffers of a draw.
 fn uniforms(
     gpu: &Gpu,
     groups: &Groups,

@@ -30,7 +30,7 @@ pub(super) struct Into {
     depth: bool,
     culled: Option<wgpu::Face>,
     drawn: Drawn,
-    /// Index of the attachment that receives depth.
+    /// Index of the attachment that receives depth; `None` if none does.
     kept: Option<usize>,
     /// Depth clamp: geometry beyond the near or far plane is drawn at that plane's depth instead of being clipped.
     clamped: bool,
@@ -42,7 +42,7 @@ pub(super) struct Into {
 }
 
 impl Into {
-    /// The attachments of a raster pass.
+    /// The attachments and the state of a draw in a raster pass.
     pub fn attachments(
         stored: Stored,
         drawn: Drawn,
@@ -55,7 +55,7 @@ impl Into {
         Self { formats, depth: true, culled, drawn, kept, clamped, exact, shares_storage }
     }
 
-    /// A texture of full precision, without depth.
+    /// The target of a quad: one texture of full precision, without a depth buffer.
     pub fn quad(exact: Vec<bool>) -> Self {
         let (formats, drawn) = (vec![Some(QUAD_FORMAT)], Drawn::default());
         let (culled, kept, clamped, shares_storage) = (None, None, false, false);
@@ -78,7 +78,7 @@ struct Key {
 pub(super) struct Pipelines(Vec<(Arc<Program>, Key, Built)>);
 
 impl Pipelines {
-    /// The pipeline of a program, built unless it exists. Every vertex has the same value of attributes that are `missing` in the scene.
+    /// The pipeline of a program, built unless it exists. An attribute that is `missing` in the scene has the same value at every vertex.
     pub fn require(
         &mut self,
         gpu: &Gpu,

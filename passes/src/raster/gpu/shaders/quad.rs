@@ -13,7 +13,7 @@ use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind};
 /// Texture coordinates of the corners of two triangles; the positions in clip space follow from these.
 const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
-/// The outputs: pixels, and the contents of each storage buffer of the program.
+/// The outputs of a quad: its pixels, and the contents of each storage buffer of the program.
 pub(super) type Filled<'a> = (&'a mut [[f32; 4]], &'a mut [Vec<[f32; 4]>]);
 
 /// The corners in device memory.

@@ -26,7 +26,7 @@ pub(super) struct Textures {
     nothing: [Sampled; 2],
     /// Sampler that does not filter.
     pub nearest: wgpu::Sampler,
-    /// Bytes of device memory.
+    /// Bytes of device memory of all textures.
     pub bytes: u64,
 }
 
@@ -134,7 +134,7 @@ fn bytes_of(levels: &[Level]) -> u64 {
     levels.iter().map(|level| 4 * level.texels.len() as u64).sum()
 }
 
-/// The images of a cube map, if all are there.
+/// The six images of a cube map; `None` if `image` lacks one.
 fn texture_of<'a>(faces: [u32; 6], image: impl Fn(u32) -> Option<&'a Texture>) -> Option<[&'a Texture; 6]> {
     match faces.map(image) {
         [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] => Some([a, b, c, d, e, f]),

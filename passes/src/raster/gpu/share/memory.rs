@@ -27,7 +27,7 @@ pub struct Sharing {
     semaphore: Semaphore,
     /// Value of the semaphore after the last hand-over.
     value: u64,
-    /// Offset of the room for the picture of a ray pass in the packer's buffer.
+    /// Offset in the packer's buffer of the space for the picture of a ray pass; `None` if there is no such space.
     picture: Option<u64>,
 }
 
@@ -54,8 +54,8 @@ impl Sharing {
     }
 }
 
-/// After the draw in `encoder`, also writes the attachments to shared memory, and then signals the semaphore. Does
-/// nothing if the job shares nothing.
+/// Records in `encoder`, after the draw, the copy of the attachments to shared memory. The next submission also signals the
+/// semaphore. `None` if the job shares nothing.
 pub fn hand_over(
     gpu: &Gpu,
     sharing: Option<&mut Sharing>,

@@ -1,5 +1,5 @@
-//! G-buffers in memory that another interface of the same device can read. Needs the feature `share` and a system with
-//! file descriptors; otherwise no device shares anything.
+//! G-buffers in memory that another programming interface of the same device can read. Needs the feature `share` and a
+//! system with file descriptors; otherwise no device shares memory.
 
 #[cfg(not(all(feature = "share", unix)))]
 mod absent;

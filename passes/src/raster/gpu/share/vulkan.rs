@@ -72,7 +72,7 @@ pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedF
     let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY);
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
     let info = vk::BufferCreateInfo::default().size(bytes).usage(usage).push_next(&mut external);
-    // SAFETY: a valid description, and the size is not 0 (the caller sees to it).
+    // SAFETY: a valid description, and the size is not 0, which `Sharing::new` checks.
     let buffer = unsafe { raw.create_buffer(&info, None) }.map_err(|error| failed("creating the buffer", error))?;
     // SAFETY: the buffer is of this device; the physical device is of this instance.
     let (needs, memories) = unsafe {
@@ -166,7 +166,7 @@ impl Semaphore {
         true
     }
 
-    /// Makes the next submission wait until the semaphore has that value. False if the queue is no Vulkan queue.
+    /// Makes the next submission wait until the semaphore has at least `value`. False if the queue is no Vulkan queue.
     pub fn wait_before_next(&self, queue: &wgpu::Queue, value: u64) -> bool {
         // SAFETY: nothing is destroyed through the guard; `drop` destroys the semaphore only when the device is idle.
         let Some(hal) = (unsafe { queue.as_hal::<Vulkan>() }) else { return false };
@@ -181,7 +181,7 @@ impl Drop for Semaphore {
         let _ = self.device.poll(wgpu::PollType::wait_indefinitely());
         // SAFETY: nothing that wgpu owns is destroyed through the guard.
         if let Some(hal) = unsafe { self.device.as_hal::<Vulkan>() } {
-            // SAFETY: all submissions that signal it are done, and it is ours.
+            // SAFETY: all submissions that signal the semaphore or wait for it are done, and it is ours.
             unsafe { hal.raw_device().destroy_semaphore(self.raw, None) };
         }
     }

@@ -41,7 +41,7 @@ impl Kind {
         Self { attachments: Attachments { color: true, position: true, normal: true, triangle: true }, many: true }
     }
 
-    /// Whether `Lights` are read.
+    /// Whether the program reads `Lights`.
     fn reads_lights(self) -> bool {
         self.many && (self.attachments.color || self.attachments.position)
     }
@@ -75,11 +75,11 @@ struct Run {
 /// The spheres of the current pass.
 #[derive(Debug, Default)]
 pub(super) struct Spheres {
-    /// By whether they have `Lights`.
+    /// Layouts of group 0, by whether they have `Lights`.
     layouts: HashMap<bool, wgpu::BindGroupLayout>,
     pipelines: HashMap<(Kind, Stored), wgpu::RenderPipeline>,
     runs: Vec<Run>,
-    /// Which pipeline draws the runs.
+    /// The key of the pipeline that draws the runs.
     drawn: Option<(Kind, Stored)>,
 }
 
@@ -133,7 +133,7 @@ impl Spheres {
         gpu.check("binding of the spheres")
     }
 
-    /// Whether no sphere may be seen.
+    /// Whether the job has no sphere that may be seen.
     pub fn is_empty(&self) -> bool {
         self.runs.is_empty()
     }

@@ -38,7 +38,7 @@ pub(super) struct SphereRecord {
     ends_down: Vec2,
     /// Tz and Tw, scaled so that the greater magnitude is 1.
     axis: Vec2,
-    /// K.
+    /// K of the module's formula.
     k: f32,
     /// Factor of z, because F and T are scaled.
     scale: f32,
@@ -49,7 +49,7 @@ pub(super) struct SphereRecord {
     /// Surface id plus 1.
     id: u32,
     along: Vec3,
-    /// Not 0 where the inner side is left out.
+    /// 1 if the sphere's inner side is culled, else 0.
     is_culled: u32,
     towards: Vec3,
     radius: f32,
@@ -64,7 +64,7 @@ pub(super) struct SphereRecord {
 /// Data that all spheres of a job share.
 #[derive(Debug)]
 pub(super) struct Screen {
-    /// From positions relative to `eye` to clip space, and back.
+    /// Matrix from positions relative to `eye` to clip space, and the inverse matrix.
     matrix: DMat4,
     inverse: DMat4,
     eye: DVec3,

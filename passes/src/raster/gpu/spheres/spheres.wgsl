@@ -63,7 +63,7 @@ fn vertex_main(@builtin(vertex_index) corner: u32, @builtin(instance_index) inde
     return Varyings(vec4<f32>(x, y, 0.5, 1.0), index);
 }
 
-// (a + b) / k where a² - b² = k c, also where k is small and a and b nearly cancel.
+// (a + b) / k where a² - b² = k c. It is also accurate where k is small and a and b nearly cancel.
 fn sum_by(a: f32, b: f32, k: f32, c: f32) -> f32 {
     if a * b < 0.0 && abs(k) < 0.5 {
         return c / (a - b);

@@ -271,7 +271,7 @@ impl Simd for Avx2 {
         }
         let mut rows = [self.none(); 16];
         for (row, &index) in rows.iter_mut().zip(indices) {
-            // SAFETY: four numbers lie from each of the values on.
+            // SAFETY: the index is below `readable`, so four numbers lie in `values` from the start of that value on.
             *row = unsafe { four(values, index) };
         }
         first(self.transposed(rows))

@@ -168,7 +168,8 @@ impl Simd for Avx512 {
         if most as usize >= readable::<N, K>(values) {
             return gather_each(values, indices);
         }
-        // SAFETY: AVX-512 F is present, since `self` exists, and four numbers lie from each of the values on.
+        // SAFETY: AVX-512 F is present, since `self` exists; all indices are below `readable`, so four numbers lie in `values` from each
+        // on.
         let [x, y, z, w] = unsafe {
             let mut rows = [_mm512_setzero_ps(); 4];
             for (lane, row) in rows.iter_mut().enumerate() {

@@ -17,7 +17,7 @@ pub(super) const fn readable<const N: usize, const K: usize>(values: &[[f32; N]]
 /// The four numbers must lie in `values`.
 #[inline(always)]
 pub(super) unsafe fn four<const N: usize>(values: &[[f32; N]], index: u32) -> __m128 {
-    // SAFETY: as promised; SSE is part of x86-64.
+    // SAFETY: the caller promises that the four numbers lie in `values`; SSE is part of x86-64.
     unsafe { _mm_loadu_ps(values.as_ptr().add(index as usize).cast()) }
 }
 

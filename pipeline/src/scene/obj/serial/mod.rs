@@ -1,4 +1,4 @@
-//! The earlier, sequential reader, built on `tobj`. [`super::read`] must produce the same scene, bit for bit.
+//! The earlier, sequential reader, built on `tobj`. For files not far from their origin [`super::read`] must produce the same scene, bit for bit.
 
 mod sanitise;
 

@@ -72,7 +72,7 @@ pub(super) struct Sanitiser<'b, 'c, 'f> {
     object: u32,
     material: u32,
     run_length: usize,
-    /// Largest run of faces that is passed to `tobj` as one model.
+    /// Length of a run in triangles after which the next polygon begins a new one; `tobj` reads each run as one model.
     max_run: usize,
     /// Whether colours are needed and some position has one; every position is then passed on with a colour.
     colored: bool,
@@ -262,7 +262,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
         })
     }
 
-    /// Cuts a polygon into a triangle fan, from its first corner, or from its reflex corner if there is one.
+    /// Cuts a polygon into a triangle fan around its first reflex corner, or around its first corner if none is reflex.
     fn triangulate(&mut self, line: u64, corners: &[Corner]) {
         let mut apex = 0;
         if corners.len() > 3 {
@@ -387,7 +387,7 @@ fn are_finite(rest: &[u8], least: usize) -> bool {
     finite_numbers(rest, least).is_some()
 }
 
-/// A decimal integer with an optional sign; `None` beyond 18 digits, far above any index.
+/// A decimal integer with an optional sign. `None` for other text, and beyond 18 digits, which is far above any index.
 fn integer(digits: &[u8]) -> Option<i64> {
     let (negative, digits) = match digits {
         [b'-', rest @ ..] => (true, rest),
