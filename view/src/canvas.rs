@@ -2,30 +2,43 @@
 
 use egui::{Pos2, Rect, Vec2, pos2, vec2};
 
-/// From this number of points per pixel on, pixels are drawn as squares.
+/// If a pixel of the picture is at least this number of screen pixels wide, it is drawn as a square.
 pub const SQUARES: f32 = 4.0;
-/// From this number of points per pixel on, their values are written into them.
+/// If a pixel of the picture is at least this number of points wide, its values are written into it.
 pub const VALUES: f32 = 48.0;
 
 const LEAST: f32 = 1.0 / 64.0;
 const MOST: f32 = 256.0;
 
 /// Zoom and position of a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Canvas {
     /// Points per pixel, and offset of the picture's centre from the centre of the area in points; `None` fits the whole picture into the area.
     place: Option<(f32, Vec2)>,
+    /// Screen pixels per point.
+    density: f32,
+}
+
+impl Default for Canvas {
+    fn default() -> Self {
+        Self { place: None, density: 1.0 }
+    }
 }
 
 impl Canvas {
+    /// Sets the number of screen pixels per point.
+    pub fn set_density(&mut self, density: f32) {
+        self.density = density;
+    }
+
     /// Shows all of the picture.
     pub fn fit(&mut self) {
         self.place = None;
     }
 
-    /// Sets the number of points per pixel; the offset of the picture's centre stays.
-    pub fn set_scale(&mut self, scale: f32) {
-        self.place = Some((scale, self.place.map_or(Vec2::ZERO, |(_, offset)| offset)));
+    /// Shows each pixel of the picture as one pixel of the screen; the offset of the picture's centre stays.
+    pub fn one_to_one(&mut self) {
+        self.place = Some((1.0 / self.density, self.place.map_or(Vec2::ZERO, |(_, offset)| offset)));
     }
 
     /// Points per pixel.
@@ -41,8 +54,12 @@ impl Canvas {
         let offset = self.place.map_or(Vec2::ZERO, |(_, offset)| offset);
         let scale = self.scale(area, size);
         let rect = Rect::from_center_size(area.center() + offset, vec2(size[0] as f32, size[1] as f32) * scale);
-        // At this scale pixels of the picture and of the screen have the same size, so they are aligned.
-        if scale == 1.0 { Rect::from_min_size(rounded(rect.min), rect.size()) } else { rect }
+        // At this scale the pixels of the picture lie on those of the screen, so they are not filtered.
+        if scale == 1.0 / self.density {
+            Rect::from_min_size(rounded(rect.min * self.density) / self.density, rect.size())
+        } else {
+            rect
+        }
     }
 
     /// Zooms by a factor around the point `at`, which keeps its place.
@@ -59,7 +76,7 @@ impl Canvas {
         self.place = Some((self.scale(area, size), offset + by));
     }
 
-    /// The pixel at a point, column and row from the top left; `None` outside.
+    /// The pixel at a point, column and row from the top left; `None` outside the picture.
     #[must_use]
     pub fn pixel(&self, area: Rect, size: [u32; 2], at: Pos2) -> Option<[u32; 2]> {
         let from = (at - self.rect(area, size).min) / self.scale(area, size);
@@ -103,6 +120,22 @@ mod tests {
         assert_eq!(canvas.pixel(AREA, SIZE, pos2(201.0, 51.0)), Some([0, 0]));
         assert_eq!(canvas.pixel(AREA, SIZE, pos2(399.0, 249.0)), Some([99, 99]));
         assert_eq!(canvas.pixel(AREA, SIZE, pos2(199.0, 51.0)), None);
+    }
+
+    #[test]
+    fn one_to_one_pixels_lie_on_those_of_the_screen() {
+        for density in [1.0_f32, 1.25, 1.5, 2.0] {
+            let mut canvas = Canvas::default();
+            canvas.set_density(density);
+            canvas.one_to_one();
+            canvas.pan(AREA, SIZE, vec2(0.3, 0.7));
+            let rect = canvas.rect(AREA, SIZE);
+            for side in [rect.min.x, rect.min.y, rect.max.x, rect.max.y] {
+                let screen = side * density;
+                assert!((screen - screen.round()).abs() < 1e-3, "{screen} at {density}");
+            }
+            assert!((rect.width() * density - SIZE[0] as f32).abs() < 1e-3, "{rect} at {density}");
+        }
     }
 
     #[test]

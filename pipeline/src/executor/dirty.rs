@@ -2,6 +2,7 @@
 
 use super::{PassMaterials, Renderer};
 use crate::backend::{Attachments, OwnMaterial};
+use crate::glass::GlassRule;
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
 use crate::plan::{Access, Shining, Work};
@@ -14,9 +15,9 @@ pub(super) struct Given {
     /// The pass's work; for a raster pass without its attachments, which are in [`Self::drawn`].
     work: Work,
     shining: Shining,
-    /// The seed; `None` for a pass that draws no random numbers.
+    /// The seed, for effect passes and ray passes that trace occlusion or camera rays; `None` for other passes.
     seed: Option<u32>,
-    /// Name of the ray backend that the pass asks for.
+    /// Name of the ray backend that the pass asks for; `None` for the common one.
     backend: Option<String>,
     materials: PassMaterials,
     /// Inputs of own shaders, by material.
@@ -68,7 +69,12 @@ impl Renderer {
             (*attachments, *host, *traced) = Default::default();
         }
         let random = match (&work, &pass.kind) {
-            (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.info().samples(params) > 0,
+            // Bodies of glass may be rough, and photons or roulette need bodies.
+            (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
+                let info = ray.program.info();
+                let in_glass = info.reads("glass") && params.glass == GlassRule::Auto;
+                info.samples(params) > 0 || info.sun_samples(params) > 0 || in_glass
+            }
             (Work::Effect { .. }, _) => true,
             _ => false,
         };

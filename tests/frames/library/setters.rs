@@ -203,6 +203,18 @@ fn the_seed_is_of_passes_that_draw_random_numbers() {
     renderer.set_seed(7);
     update(&mut renderer);
     assert!(ran(&renderer).is_empty(), "hard shadows have no noise");
+    // The light's disc, and facets of rough glass.
+    let soft = ["pass2.sun=4", "pass2.sunsamples=4"];
+    for (name, set) in [("SceneShadows", &soft[..]), ("glass/Frosted", &[])] {
+        let mut settings = settings(name);
+        settings.set = set.iter().map(|set| (*set).to_owned()).collect();
+        let mut renderer = opened(name, settings);
+        let before = bits(&frame(&mut renderer));
+        renderer.set_seed(7);
+        let after = bits(&update(&mut renderer));
+        assert!(after != before, "{name}: the seed changes the picture");
+        assert!(after == bits(&frame(&mut renderer)), "{name}");
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub const KEYS: &[(&str, &str)] = &[
     ("K", "keep the picture and compare with it"),
     ("R", "read all files again"),
     ("Space", "render nothing, or go on"),
-    ("0, 1", "all of the picture; one pixel as one point"),
+    ("0, 1", "all of the picture; one pixel as one pixel of the screen"),
     ("F1", "these keys"),
 ];
 
@@ -50,7 +50,7 @@ pub fn read(app: &mut App, ui: &Ui, facts: Option<&Facts>) {
         app.canvas.fit();
     }
     if pressed(Key::Num1) {
-        app.canvas.set_scale(1.0 / context.pixels_per_point());
+        app.canvas.one_to_one();
     }
     if pressed(Key::P) && app.pointed.is_some() {
         app.pick(app.pointed);
@@ -68,7 +68,7 @@ pub fn read(app: &mut App, ui: &Ui, facts: Option<&Facts>) {
     if pressed(Key::S) {
         app.worker.send(Command::Save(App::new_file(facts)));
     }
-    // A widget with the focus receives these keys itself.
+    // A widget with the focus receives Space and the arrow keys itself.
     if context.memory(|memory| memory.focused().is_some()) {
         return;
     }

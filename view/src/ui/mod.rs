@@ -20,6 +20,7 @@ use std::time::Instant;
 /// Draws the window.
 pub fn draw(app: &mut App, ui: &mut Ui) {
     let start = Instant::now();
+    app.canvas.set_density(ui.ctx().pixels_per_point());
     app.state = app.worker.state();
     let facts = app.state.facts.clone();
     let hovered = app.hovered.take();

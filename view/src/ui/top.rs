@@ -52,8 +52,8 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
                 if ui.button("Keys").on_hover_text("F1").clicked() {
                     app.help = !app.help;
                 }
-                if ui.button("1:1").on_hover_text("1: one pixel as one point of the screen").clicked() {
-                    app.canvas.set_scale(1.0 / ui.ctx().pixels_per_point());
+                if ui.button("1:1").on_hover_text("1: one pixel as one pixel of the screen").clicked() {
+                    app.canvas.one_to_one();
                 }
                 if ui.button("All").on_hover_text("0: all of the picture").clicked() {
                     app.canvas.fit();

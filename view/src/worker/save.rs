@@ -3,6 +3,7 @@
 use curitiba::args::quoted;
 use curitiba::environment::Environment;
 use curitiba::pipeline::executor::{Renderer, Silent};
+use curitiba::pipeline::gbuffer::Rect;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
 use serde::Serialize;
@@ -81,8 +82,18 @@ fn command(
     rays: &str,
 ) -> String {
     let mut words = vec!["curitiba".to_owned(), "render".to_owned(), quoted(&source.display().to_string())];
+    words.extend(settings.scene.more.iter().map(|path| quoted(&path.display().to_string())));
     let mut option = |name: &str, value: &str| words.extend([format!("--{name}"), quoted(value)]);
+    for word in settings.scene.words() {
+        // The further files are among the words, too.
+        if let Some((name, value)) = word.split_once('=').filter(|(name, _)| settings.scene.given().contains(name)) {
+            option(name, value);
+        }
+    }
     option("size", &format!("{width}x{height}"));
+    if let Some(Rect { x, y, width, height }) = settings.crop {
+        option("crop", &format!("{x},{y},{width}x{height}"));
+    }
     option("raster", raster);
     option("backend", rays);
     for (name, value) in [("camera", &settings.camera), ("pipeline", &settings.pipeline)] {
@@ -112,6 +123,8 @@ fn command(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use curitiba::pipeline::project::SceneOptions;
+    use glam::DVec3;
 
     #[test]
     fn the_command_names_what_differs_from_the_project() {
@@ -122,6 +135,19 @@ mod tests {
         assert_eq!(
             text,
             "curitiba render 'it'\\''s.xml' --size 8x4 --raster cpu --backend wgpu --set pass2.samples=4 --off 'a b' --accumulate 256"
+        );
+        let scene = SceneOptions {
+            more: vec!["sun=b.obj".into()],
+            look_from: Some(DVec3::new(-1.5, 2.0, 0.25)),
+            fov: Some(30.0),
+            ..SceneOptions::default()
+        };
+        let crop = Some(Rect { x: 1, y: 2, width: 3, height: 4 });
+        let settings = Settings { scene, crop, ..Settings::default() };
+        let taken = Taken { camera: "c".to_owned(), moved: false, accumulated: None };
+        assert_eq!(
+            command(Path::new("a.obj"), &settings, [8, 4], &taken, "cpu", "cpu"),
+            "curitiba render a.obj sun=b.obj --look-from -1.5/2/0.25 --fov 30 --size 8x4 --crop 1,2,3x4 --raster cpu --backend cpu"
         );
     }
 }
