@@ -168,7 +168,9 @@ pub enum MetricError {
         pixels: usize,
     },
     /// The mask leaves too few pixels, or without a mask the pictures have too few.
-    #[error("the mask leaves {left} of the {floor} pixels that a comparison must rest on; use a wider mask")]
+    #[error(
+        "there are {left} pixels to compare, and a comparison must rest on {floor}; compare larger pictures, or use a wider mask"
+    )]
     TooFew {
         /// Pixels left.
         left: u64,
