@@ -71,7 +71,8 @@ impl RenderScene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Batch, Geometry, Magnification, Material, Texture, Wrap};
+    use crate::scene::texture::{Magnification, Wrap};
+    use crate::scene::{Batch, Geometry, Material, Texture};
     use glam::{Vec3, Vec4};
 
     #[test]
