@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Most seeds with which a project is rendered.
+/// Greatest number of seeds with which a project is rendered.
 pub const MAX_SEEDS: u32 = 10_000;
 
 /// One of the two things to compare.

@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
-/// Most characters of a panic's message that an error repeats: such messages may quote the file.
+/// Greatest number of characters of a panic's message that an error repeats: such messages may quote the file.
 const SHOWN: usize = 160;
 
 thread_local! {

@@ -82,7 +82,7 @@ fn latin_1(_: &OsStr) -> Option<String> {
 /// if only the file is missing, otherwise the missing folder.
 #[must_use]
 pub fn nearest_help(missing: &Path) -> String {
-    /// Most entries of a folder that are looked at.
+    /// Greatest number of entries of a folder that are looked at.
     const MOST: usize = 10_000;
     let lacking = missing.ancestors().find(|part| part.parent().is_some_and(|folder| here(folder).is_dir()));
     let Some((lacking, folder)) = lacking.and_then(|part| Some((part, part.parent()?))) else {

@@ -5,11 +5,11 @@
 
 use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayParams, RayProgram, TextureLod, Values};
 
-/// Most shadow maps that a frame may have.
+/// Greatest number of shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
-/// Most mirrors that a frame may have.
+/// Greatest number of mirrors that a frame may have.
 pub const MAX_PLANES: u32 = 64;
-/// Most texels a side of maps that are fitted to a picture. Each shadow map takes 4 bytes a texel, each cube map six times 16.
+/// Greatest number of texels a side of maps that are fitted to a picture. Each shadow map takes 4 bytes a texel, each cube map six times 16.
 const MOST_FITTED: u32 = 2048;
 
 /// The program of an effect pass.
@@ -77,15 +77,15 @@ pub struct EffectParams {
     /// Texels a side of each shadow map, or of each face of a cube map. 0 fits them to the picture: a plan replaces it with
     /// [`Self::fitted_map_size`], so an [`EffectJob`](crate::backend::EffectJob) always has a number of texels.
     pub map_size: u32,
-    /// Most shadow maps of a frame. Maps nearer to the camera cover less than farther ones, and are finer.
+    /// Greatest number of shadow maps of a frame. Maps nearer to the camera cover less than farther ones, and are finer.
     pub cascades: u32,
     /// Texels on each side of the middle one that a shadow test averages: 0 tests one texel, 1 tests 3 x 3.
     pub pcf: u32,
     /// Depth bias of a shadow test, in texels of the map along the surface's slope.
     pub bias: f32,
-    /// Most cube maps of a frame.
+    /// Greatest number of cube maps of a frame.
     pub probes: u32,
-    /// Most mirrors of a frame, each a plane of glass.
+    /// Greatest number of mirrors of a frame, each a plane of glass.
     pub planes: u32,
     /// Index of refraction of a whole pane.
     pub index: f32,

@@ -13,9 +13,9 @@ use std::rc::Rc;
 
 /// Largest file, bytes.
 pub(crate) const MAX_FILE: u64 = 1 << 18;
-/// Most instructions of the scripts of a pipeline, all runs together.
+/// Greatest number of instructions of the scripts of a pipeline, all runs together.
 const INSTRUCTIONS: u64 = 1_000_000;
-/// Most bytes that the scripts of a pipeline hold.
+/// Greatest number of bytes that the scripts of a pipeline hold.
 const MEMORY: usize = 1 << 20;
 
 /// Lua globals that scripts may use, besides `math` and the functions of the engine.

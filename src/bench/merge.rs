@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Most files of a folder that are merged.
+/// Greatest number of files of a folder that are merged.
 const MOST_PARTS: usize = 1_000_000;
 
 /// A benchmark to be merged, with the path of its file.

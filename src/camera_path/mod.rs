@@ -26,7 +26,7 @@ use crate::pipeline::files;
 use crate::pipeline::project::Pose;
 use std::path::Path;
 
-/// Most frames of a path.
+/// Greatest number of frames of a path.
 pub const MOST_FRAMES: u32 = 1_000_000;
 
 /// Largest file of keyframes, bytes.

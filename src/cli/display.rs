@@ -13,7 +13,7 @@ use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Least time between two pictures of an accumulation.
 const PAUSE: Duration = Duration::from_millis(250);
-/// Most numbers in a packet, which holds whole rows: 4 MiB, far below the 4 GiB that its length field allows.
+/// Greatest number of floats in a packet, which holds whole rows: 4 MiB, far below the 4 GiB that its length field allows.
 const NUMBERS: usize = 1 << 20;
 /// The fourth channel is not alpha: targets store the light's cosine in it, and shares above 1. If it were named `A`, the viewer would use it as
 /// alpha, and blend its background with the colours. The viewer shows `W` as a channel group of its own.

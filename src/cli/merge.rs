@@ -11,7 +11,7 @@ use curitiba::pipeline::files::{check_outputs, record_files_read};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Most missing rows that are printed.
+/// Greatest number of missing rows that are printed.
 const MOST_PRINTED: usize = 50;
 
 /// Arguments of `merge`.

@@ -67,7 +67,7 @@ pub const FORMAT: u32 = 3;
 /// Least ratio between a measured error and the estimated error of its reference.
 pub const MARGIN: f64 = 10.0;
 
-/// Most samples of each of the two renders of a reference with noise.
+/// Greatest number of samples of each of the two renders of a reference with noise.
 pub const MOST_SAMPLES: u32 = 65_536;
 
 /// First and largest number of samples of each of the two renders of a reference with noise.

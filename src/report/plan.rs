@@ -31,7 +31,7 @@ impl Wanted {
         Self { size: size.unwrap_or([side, side]), quick, budget_s, within: WITHIN, triangles }
     }
 
-    /// Most frames of a row, and the time for all of its frames, milliseconds.
+    /// Greatest number of frames of a row, and the time for all of its frames, milliseconds.
     #[must_use]
     pub fn frames(&self) -> (u32, f64) {
         if self.quick { (5, 300.0) } else { (15, 2000.0) }

@@ -64,7 +64,7 @@ impl Tables {
             let light = if lenses.is_empty() { straight.into() } else { lenses_at };
             part(bodies(job, light, [strata_at, facets_at]))
         };
-        // Never at 0, which means one directional light.
+        // Never at 0, where the materials are: 0 means no table, for programs of `Lighting::Sun`.
         let lights_at = match LightTable::of(job) {
             Some(table) => {
                 let disc_at = part(disc.as_ref().map_or(Vec::new(), |disc| disc.points().as_flattened().to_vec()));

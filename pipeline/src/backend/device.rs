@@ -3,7 +3,7 @@
 /// The largest pictures that an engine can make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Most pixels along a side.
+    /// Greatest number of pixels along a side.
     pub side: u32,
     /// Whether a picture can be rendered in parts, each of which equals that region of the picture rendered as a whole.
     pub parts: bool,

@@ -6,7 +6,7 @@ use crate::image::Image;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Most samples a point that can be accumulated.
+/// Greatest number of samples a point that can be accumulated.
 pub const MAX_SAMPLES: u32 = 1 << 24;
 
 /// Samples of a batch when their total is not known in advance. At 16 the cost per ray is little above that of larger batches.

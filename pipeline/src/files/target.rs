@@ -5,7 +5,7 @@ use std::fs::{File, OpenOptions, Permissions};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Most symbolic links that are followed, as on Linux.
+/// Greatest number of symbolic links that are followed, as on Linux.
 const MOST_LINKS: usize = 40;
 
 /// A file that is to be written.

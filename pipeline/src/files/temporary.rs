@@ -18,7 +18,7 @@ const PREFIX: &str = ".curitiba-";
 const SUFFIX: &str = ".part";
 /// Number of random letters and digits between the two.
 const RANDOM: usize = 8;
-/// Most entries of a folder that are searched for leftovers of killed programs.
+/// Greatest number of entries of a folder that are searched for leftovers of killed programs.
 const MOST_ENTRIES: usize = 100_000;
 /// Attempts to make a temporary file: another program may take a new file for a leftover and remove it before it is locked.
 const TRIES: usize = 100;

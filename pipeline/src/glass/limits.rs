@@ -1,6 +1,6 @@
 //! Limits at which a pass stops following light in glass.
 
-/// Most reflections, and most refractions, on a path; the default of both limits.
+/// Greatest number of reflections, and of refractions, on a path; the default of both limits.
 pub const MOST_BOUNCES: u32 = 128;
 
 /// Colour of paths in glass that are cut off.
@@ -36,9 +36,9 @@ pub struct PathLimits {
     pub cutoff_color: CutoffColor,
     /// Whether paths below the cut-off are continued by Russian roulette.
     pub roulette: Roulette,
-    /// Most reflections on a path, up to [`MOST_BOUNCES`].
+    /// Greatest number of reflections on a path, up to [`MOST_BOUNCES`].
     pub reflections: u32,
-    /// Most refractions on a path, up to [`MOST_BOUNCES`].
+    /// Greatest number of refractions on a path, up to [`MOST_BOUNCES`].
     pub refractions: u32,
 }
 

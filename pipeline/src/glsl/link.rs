@@ -7,7 +7,7 @@ use super::rewrite::{
 use super::{Attribute, FRAME, Fault, Held, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
 use std::fmt::Write;
 
-/// Most variables, array elements and matrix columns that pass between the stages. Every device supports this many.
+/// Greatest number of variables, array elements and matrix columns that pass between the stages. Every device supports this many.
 const MAX_VARYINGS: usize = 15;
 
 /// A stage as the compiler reads it.

@@ -5,11 +5,11 @@ use crate::guard;
 use pp_rs::pp::Preprocessor;
 use pp_rs::token::{PreprocessorError, Punct, Token as Lexed, TokenValue};
 
-/// Most tokens of a file, after its macros are expanded.
+/// Greatest number of tokens of a file, after its macros are expanded.
 const MAX_TOKENS: usize = 100_000;
 /// Deepest nesting of brackets. It is limited because the compiler is recursive.
 const MAX_DEPTH: usize = 64;
-/// Most tokens between two semicolons or braces. It is limited because the compiler is recursive.
+/// Greatest number of tokens between two semicolons or braces. It is limited because the compiler is recursive.
 const MAX_STATEMENT: usize = 2_000;
 /// Most `else` in a file. It is limited because the compiler recurses along chains of them.
 const MAX_ELSE: usize = 1_000;

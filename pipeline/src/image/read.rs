@@ -20,9 +20,9 @@ use rayon::prelude::*;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-/// Most pixels of a picture that is read: 16384 x 16384.
+/// Greatest number of pixels of a picture that is read: 16384 x 16384.
 const MAX_PIXELS: u64 = 1 << 28;
-/// Most values of all layers of an EXR file: sixteen channels of the largest picture.
+/// Greatest number of values of all layers of an EXR file: sixteen channels of the largest picture.
 const MAX_SAMPLES: u64 = 16 * MAX_PIXELS;
 
 /// Upper bound of the compression ratio: a file of N bytes holds at most this many times N bytes of pixels. Deflate reaches at most

@@ -52,7 +52,7 @@ impl Visible {
     }
 }
 
-/// Most pixels that [`position_box`] looks at.
+/// Greatest number of pixels that [`position_box`] looks at.
 const LOOKED_AT: usize = 1 << 16;
 /// Share of the near pixels that lie below the low end of the box, and share that lies above the high end. Otherwise a single point could
 /// compress all others into one colour.

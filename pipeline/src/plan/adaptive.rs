@@ -30,7 +30,7 @@ impl Plan {
         )
     }
 
-    /// Most bytes that adaptive sampling takes on the processor: those for the largest target of a pass that asks for it, since
+    /// Greatest number of bytes that adaptive sampling takes on the processor: those for the largest target of a pass that asks for it, since
     /// passes run one after another.
     pub(super) fn adaptive_bytes(&self) -> u64 {
         let sampled = self.passes.iter().filter(|planned| self.sampled_to(planned).is_some());

@@ -9,7 +9,7 @@ use crate::project::{self, ChannelRef, PassKind, QuadSource};
 use crate::raster_effects::EffectProgram;
 use glam::Vec3;
 
-/// Most lights that a message names.
+/// Greatest number of lights that a message names.
 const NAMED: usize = 4;
 
 /// The lights that shine in a pass.

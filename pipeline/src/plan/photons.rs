@@ -15,7 +15,7 @@ impl Plan {
         }
     }
 
-    /// Most bytes that photons take on the processor: those of one pass, since passes run one after another.
+    /// Greatest number of bytes that photons take on the processor: those of one pass, since passes run one after another.
     pub(super) fn photon_bytes(&self) -> u64 {
         let most = self.passes.iter().map(|planned| self.photons(planned)).max();
         PHOTON_BYTES * u64::from(most.unwrap_or(0))

@@ -7,7 +7,7 @@ use crate::programs::RayParams;
 pub struct Preview {
     /// Divisor of the window's sides, at least 1. The quotients are rounded up. Targets that scale with the window shrink with it.
     pub divisor: u32,
-    /// Most samples of each kind (occlusion, the light's disc, paths) that a ray pass takes at a point. At least 1, and a square
+    /// Greatest number of samples of each kind (occlusion, the light's disc, paths) that a ray pass takes at a point. At least 1, and a square
     /// number, since some passes place their samples in square strata.
     pub samples: u32,
 }

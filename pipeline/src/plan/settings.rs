@@ -40,7 +40,7 @@ pub struct Settings {
     /// Names of passes that are switched off. A ray or effect pass then writes a neutral result: the colour that it reads (black if
     /// it reads none), or 1 for a share of light. Other passes leave their targets unchanged.
     pub off: Vec<String>,
-    /// Most memory that the process may use, bytes.
+    /// Memory that the process may use at most, bytes.
     pub max_memory: u64,
     /// How to make a project from scene files, if scene files are named instead of a project.
     pub scene: SceneOptions,

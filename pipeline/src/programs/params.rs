@@ -115,7 +115,7 @@ pub const LARGEST_SUN: f32 = 90.0;
 /// Largest value of [`RayParams::sun_samples`].
 pub const MOST_SUN_SAMPLES: u32 = 65_536;
 
-/// Most levels of the filter over a share of light, by rays or by raster.
+/// Greatest number of levels of the filter over a share of light, by rays or by raster.
 pub const MAX_FILTER_LEVELS: u32 = 3;
 
 /// Bytes a pixel that the filter takes on the processor: position, normal, and the share before and after a level, in 32-bit floats.

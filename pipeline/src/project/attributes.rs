@@ -4,7 +4,7 @@
 use super::dom::Element;
 use std::collections::HashMap;
 
-/// Most workgroups in one direction: the limit that every device supports.
+/// Greatest number of workgroups in one direction: the limit that every device supports.
 pub(super) const MAX_GROUPS: u32 = 65_535;
 
 /// The numbers of workgroups of a compute pass: their names in scripts and in XML.

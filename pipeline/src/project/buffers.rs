@@ -13,7 +13,7 @@ use glam::Vec4;
 
 /// Bytes of a pixel of the target that holds a buffer.
 const PIXEL: u64 = 16;
-/// Most pixels in a row of that target.
+/// Greatest number of pixels in a row of that target.
 const ROW: u64 = 4096;
 /// Largest buffer, bytes.
 const MOST: u64 = 1 << 30;

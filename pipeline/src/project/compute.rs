@@ -10,7 +10,7 @@ use super::running::RUNNING;
 use super::shaders::UsedBy;
 use crate::glsl;
 
-/// Most invocations of a pass.
+/// Greatest number of invocations of a pass.
 const MAX_INVOCATIONS: u64 = 1 << 28;
 
 impl Loader {

@@ -10,11 +10,11 @@ use quick_xml::events::Event;
 
 /// Deepest nesting of elements.
 pub(super) const MAX_DEPTH: usize = 64;
-/// Most elements of a file.
+/// Greatest number of elements of a file.
 pub(super) const MAX_ELEMENTS: usize = 65_536;
-/// Most attributes of an element.
+/// Greatest number of attributes of an element.
 pub(super) const MAX_ATTRIBUTES: usize = 256;
-/// Most attributes of a file.
+/// Greatest number of attributes of a file.
 pub(super) const MAX_ALL_ATTRIBUTES: usize = 4 * MAX_ELEMENTS;
 /// Longest name of an element or attribute, bytes.
 pub(super) const MAX_NAME: usize = 128;

@@ -114,9 +114,9 @@ impl Folder {
 
     /// An existing path that differs from `text` in the folder only by case.
     fn any_case(&mut self, text: &str) -> Option<PathBuf> {
-        /// Most entries of a folder that are looked at.
+        /// Greatest number of entries of a folder that are looked at.
         const MOST: usize = 10_000;
-        /// Most look-ups: a project with thousands of missing files must not cause a search for each.
+        /// Greatest number of look-ups: a project with thousands of missing files must not cause a search for each.
         const MOST_LOOKUPS: u32 = 64;
         self.lookups += 1;
         if text.starts_with('/') || self.lookups > MOST_LOOKUPS {

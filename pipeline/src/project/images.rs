@@ -13,7 +13,7 @@ use crate::image::PixelFormat;
 use crate::scene::texture::Magnification;
 use glam::Vec4;
 
-/// Most textures of an array.
+/// Greatest number of textures of an array.
 const MAX_ARRAY: u32 = 64;
 
 impl Loader {

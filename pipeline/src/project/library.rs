@@ -11,10 +11,10 @@ use crate::scene::texture::Magnification;
 use glam::Vec4;
 use std::rc::Rc;
 
-/// Most libraries of a project.
+/// Greatest number of libraries of a project.
 const MAX_LIBRARIES: usize = 64;
 
-/// Most colour channels of a render target.
+/// Greatest number of colour channels of a render target.
 const MAX_CHANNELS: usize = 32;
 
 /// `<COMPARE_FUNC value="…"/>` of a bound texture.

@@ -7,7 +7,7 @@ use super::report::{Span, shown};
 use super::{Falloff, Light, Spot};
 use glam::{Vec3, Vec4};
 
-/// Most lights of a pass: every pixel may ask for the shadow of each.
+/// Greatest number of lights of a pass: every pixel may ask for the shadow of each.
 const MOST_LIGHTS: usize = 256;
 
 /// From this angle on, in degrees, a spot light shines everywhere.

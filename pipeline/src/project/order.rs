@@ -32,7 +32,7 @@ pub(super) struct Facts {
 /// Effect of a pass on the depth of its target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kept {
-    /// It draws no triangles.
+    /// The pass draws no triangles.
     Untouched,
     /// It writes the depth, so that later passes can read it.
     Written,

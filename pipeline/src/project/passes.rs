@@ -30,7 +30,7 @@ const CLASSES: [&str; 11] = [
     "geometryPI",
 ];
 
-/// Most instances of its scenes that a pass draws.
+/// Greatest number of instances of its scenes that a pass draws.
 const MAX_INSTANCES: f32 = 16_777_216.0;
 
 fn is_class(name: &str) -> bool {

@@ -31,7 +31,7 @@ pub(super) struct Mark {
 }
 
 impl Report {
-    /// Most errors that are kept, and most notes and warnings together.
+    /// Greatest number of errors that are kept, and of notes and warnings together.
     pub const MOST: usize = 100;
 
     /// Adds a file and returns its index for [`Span::file`].
@@ -134,7 +134,7 @@ impl Report {
     }
 }
 
-/// Most characters of a text that messages show, and that are compared with valid names.
+/// Greatest number of characters of a text that messages show, and that are compared with valid names.
 const SHOWN: usize = 64;
 
 /// A text for messages, shortened if it is long.

@@ -17,7 +17,7 @@ const MODES: [&str; 6] = ["RUN_ALWAYS", "RUN_ONCE", "SKIP_FIRST_FRAME", "RUN_EVE
 /// The classes of passes that a script can repeat.
 const REPEATED: [&str; 2] = ["compute", "quad"];
 
-/// Most runs that the scripts of a pipeline ask for.
+/// Greatest number of runs that the scripts of a pipeline ask for.
 const MAX_RUNS: u32 = 4096;
 
 /// Whether a pass is of one of these classes.

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct LoadOptions {
     /// The contents that are read and stored.
     pub needs: Needs,
-    /// Most bytes that the load may hold at once.
+    /// Greatest number of bytes that the load may hold at once.
     pub max_bytes: u64,
 }
 

@@ -86,7 +86,7 @@ pub enum ShapeKind {
 }
 
 impl ShapeKind {
-    /// Most slices, stacks or divisions.
+    /// Greatest number of slices, stacks or divisions.
     pub const MOST: u32 = 4096;
 
     /// Size of the mesh, or for kinds without one of the placed sphere, in bytes.

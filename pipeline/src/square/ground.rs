@@ -43,7 +43,7 @@ impl Paving {
 
 #[derive(Debug, Clone, Copy)]
 enum Shape {
-    /// Lower and upper corner (x, z) of a rectangle. Its border runs anticlockwise seen from above.
+    /// A rectangle, by its lower and upper corner (x, z). [`Patch::flat_pieces`] lists its corners anticlockwise seen from above.
     Rectangle { min: Vec2, max: Vec2 },
     /// The part of a ring around the fountain between two radii and two angles (in turns).
     Ring { radii: [f32; 2], turns: [f32; 2] },

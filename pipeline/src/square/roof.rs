@@ -63,7 +63,7 @@ impl Slope {
         if self.cut == 0.0 { self.length } else { (x.min(self.width - x).max(0.0) / self.cut).min(self.length) }
     }
 
-    /// Most triangles that [`Self::build`] makes.
+    /// Greatest number of triangles that [`Self::build`] makes.
     pub(super) fn triangles(&self, tiling: Tiling) -> usize {
         if tiling.pieces == 0 {
             return 2;

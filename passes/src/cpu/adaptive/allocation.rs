@@ -36,7 +36,7 @@ const QUANTILE: f64 = 2.0;
 pub(super) struct Sampled {
     /// Its index in the picture.
     pub index: u32,
-    /// Whether paths branch at this pixel; else they differ only by random choices.
+    /// Whether rough or dispersive glass divided a path of this pixel into several ways; else its paths differ only by Russian roulette.
     pub divided: bool,
     /// Sums of the colours of the paths of each half.
     pub sums: [DVec3; 2],

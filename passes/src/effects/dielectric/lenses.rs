@@ -88,7 +88,7 @@ impl Lenses {
         self.list.iter().map(|lens| (lens, &self.balls[lens.ball]))
     }
 
-    /// The refraction by each index.
+    /// One `Ball` for each index of refraction among the lenses.
     #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn balls(&self) -> &[Ball] {

@@ -155,7 +155,7 @@ impl Variant {
     /// The variant's WGSL. A [per-pixel](Self::per_pixel) variant has placeholders for the formats of its attachments.
     ///
     /// # Panics
-    /// If the directives of the text are malformed; a test cuts every variant.
+    /// If a directive of the text is malformed, or its name unknown. A test generates the source of every variant.
     pub fn source(self) -> String {
         cut("gbuffer.wgsl", TEXT, |name| self.defines(name))
     }

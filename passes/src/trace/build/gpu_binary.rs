@@ -61,7 +61,7 @@ pub struct BinaryNode {
 /// The tree, ready to be copied to a device.
 #[derive(Debug, Clone, Default)]
 pub struct BinaryTree {
-    /// Nodes, each before its subtrees, except the node that joins a sky to all else.
+    /// Nodes, each before its subtrees. Only the node that joins a sky to all else comes after its subtrees: it is the last.
     pub nodes: Vec<BinaryNode>,
     /// Three corners a triangle, as the bits of `f32`. The fourth component of the first corner is the triangle's id, with [`TRANSPARENT`].
     pub triangles: Vec<[[u32; 4]; 3]>,

@@ -200,7 +200,7 @@ fn plane(corner: f32, quantum: f32, steps: u8) -> f32 {
     corner + f32::from(steps) * quantum
 }
 
-/// The least biased exponent such that 255 steps reach from `low` to `high`.
+/// The smallest exponent, 1 to 254 and biased as in the bits of an `f32`, with which 255 steps reach from `low` to `high`.
 fn exponent(low: f32, high: f32) -> u8 {
     let step = (f64::from(high) - f64::from(low)) / 255.0;
     let mut exponent = ((step as f32).to_bits() >> 23).clamp(1, 254) as u8;

@@ -8,7 +8,7 @@ use super::{OURS, Reader, Uniform};
 /// Image functions, with the names of the generated functions, to which the buffer's index is appended.
 const FUNCTIONS: [(&str, &str); 3] = [("imageLoad", "load"), ("imageStore", "store"), ("imageSize", "extent")];
 
-/// Most invocations of a work group, in all and in each direction. Every device supports these.
+/// Greatest number of invocations of a work group, in all and in each direction. Every device supports these.
 const MAX_GROUP: [u32; 4] = [256, 256, 256, 64];
 
 fn function(what: &str, buffer: usize) -> String {

@@ -21,7 +21,7 @@ pub(super) struct Contents {
 impl Contents {
     /// Examines a scene; `None` if it has no triangle.
     pub fn of(scene: &Scene) -> Option<Self> {
-        /// Most nested shells, such as clouds in a sky dome.
+        /// Greatest number of nested shells, such as clouds in a sky dome.
         const MOST: usize = 4;
         let mut rest = parts(scene);
         let whole = around(&rest)?;
@@ -52,7 +52,7 @@ impl Contents {
 /// as large; otherwise the whole box. The walls of a room around finely tessellated objects make it at most three times as large.
 /// The triangles of each (object, group) of `left_out` are not examined.
 fn focus(scene: &Scene, whole: Extent, left_out: &[(usize, usize)]) -> Extent {
-    /// Most triangles that are examined.
+    /// Greatest number of triangles that are examined.
     const MOST: usize = 1 << 16;
     /// Share of the corners of the examined triangles that may lie beyond the box on each side.
     const BEYOND: f64 = 0.03;

@@ -8,11 +8,11 @@ use crate::project::{Camera, Falloff, Light, Spot};
 use crate::scene::{Scene, SceneLight};
 use glam::{DVec3, Vec3};
 
-/// Most lights of scene files that shine in the project: each may take a shadow ray at every point.
+/// Greatest number of lights of scene files that shine in the project: each may take a shadow ray at every point.
 const MOST: usize = 32;
 /// Number of points on surfaces at which the strength of lights is examined.
 const POINTS: usize = 1024;
-/// Most triangles that are examined.
+/// Greatest number of triangles that are examined.
 const MOST_TRIANGLES: usize = 1 << 16;
 /// Share of the lit points, among the [`POINTS`], that receive at most [`SUN`].
 const BELOW: f64 = 0.9;

@@ -86,7 +86,7 @@ fn is_named_sky(scene: &Scene, part: &Part) -> bool {
 impl Shell {
     /// The shell that `parts` form around contents with the box `inner`; `None` if they form none. It is a sky only if it `may_be_sky`.
     fn around(scene: &Scene, parts: &[&Part], inner: Extent, may_be_sky: bool) -> Option<Self> {
-        /// Most triangles that are examined.
+        /// Greatest number of triangles that are examined.
         const MOST: usize = 1 << 20;
         /// How far a corner of the inner box may lie beyond the shell's box, as a share of the shell's size. The corners of a
         /// square terrain under a round dome do so.

@@ -42,8 +42,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Least and largest size of a piece in bytes: small enough that all threads finish at about the same time.
 const PIECE: [usize; 2] = [1 << 16, 1 << 22];
-/// Length of a run in triangles after which the next polygon begins a new one. Equal vertices are shared between runs but not
-/// within one, so this length affects the result and must not depend on the number of threads.
+/// Number of triangles at which a run of faces ends; the next polygon begins a new run. Vertices that a file lists twice are merged
+/// only if they are in different runs, so this number affects the result and must not depend on the number of threads.
 const MAX_RUN: usize = 1 << 20;
 /// Number of bytes above which a thread books what it has used.
 const BLOCK: u64 = 1 << 16;

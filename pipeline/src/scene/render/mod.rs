@@ -34,7 +34,7 @@ pub struct BuildOptions {
     pub origin: Option<DVec3>,
     /// Colour space to which colours and textures are converted; in a [`Scene`] they are display values, whatever its files have.
     pub color: ColorSpace,
-    /// Most bytes that geometry and textures may take.
+    /// Greatest number of bytes that geometry and textures may take.
     pub max_bytes: u64,
 }
 

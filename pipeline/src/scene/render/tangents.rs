@@ -9,7 +9,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Most triangle corners that may share position, normal and texture coordinates: the crate recurses around a vertex and compares
+/// Greatest number of triangle corners that may share position, normal and texture coordinates: the crate recurses around a vertex and compares
 /// all its triangles with each other.
 const MOST_CORNERS: u32 = 1024;
 

@@ -36,11 +36,11 @@ pub(super) struct Angle {
     pub(super) double: [f32; 2],
 }
 
-/// The angle of the direction `(across, along)` with `across >= 0`, of any length but 0.
+/// The [`Angle`] of the direction `(across, along)` with `across >= 0`, of any length but 0.
 ///
-/// The arc tangent of the quotient `q` of the shorter by the longer side is Abramowitz and Stegun, "Handbook of
-/// Mathematical Functions", 4.4.49: error below 2e-8 besides rounding. The double angle follows from `q`:
-/// `(1 - q²) / (1 + q²)` and `2 q / (1 + q²)`.
+/// `q` is the smaller of `across` and `|along|`, divided by the larger. Its arc tangent is by Abramowitz and Stegun,
+/// "Handbook of Mathematical Functions", 4.4.49: error below 2e-8 besides rounding. The cosine and sine of twice the
+/// arc tangent are `(1 - q²) / (1 + q²)` and `2 q / (1 + q²)`.
 #[inline(always)]
 pub(super) fn angle(across: f32, along: f32) -> Angle {
     let height = along.abs();

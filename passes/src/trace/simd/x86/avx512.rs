@@ -199,7 +199,7 @@ impl Simd for Avx512 {
             let [a, b, c, d] = [load(0), load(1), load(2), load(3)];
             let low = [_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d)];
             let high = [_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d)];
-            // Collects the same column of four rows.
+            // Transposes the 4 x 4 numbers of a component: those of row `a` come first, then those of `b`, `c` and `d`.
             let by_row = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
             [
                 _mm512_permutexvar_ps(by_row, _mm512_shuffle_ps::<0b01_00_01_00>(low[0], low[1])),
