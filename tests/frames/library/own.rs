@@ -6,14 +6,13 @@ use curitiba::passes::own::{At, OwnProgram};
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::trace::{Ray, Tracer as _};
 use curitiba::pipeline::backend::{BuildStats, NO_TRIANGLE, RayBackend};
-use curitiba::pipeline::executor::{Engines, Progress};
+use curitiba::pipeline::executor::{Cancellation, Engines, Progress};
 use curitiba::pipeline::plan::Plan;
 use curitiba::pipeline::programs::RayProgram;
 use curitiba::pipeline::project;
 use curitiba::pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::Vec3;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// A frame of a project with this ray backend, and the note of its pass.
 fn rendered(name: &str, rays: impl RayBackend + 'static) -> (Image, String) {
@@ -61,8 +60,8 @@ fn a_structure_that_is_given_up_is_not_built() {
     let scene = Arc::new(RenderScene {
         geometry: Geometry {
             positions: vec![Vec3::X, Vec3::Y, Vec3::Z],
-            triangles: vec![[0, 1, 2]],
-            batches: vec![Batch { material: 0, first: 0, count: 1 }],
+            triangles: vec![[0, 1, 2]; 1000],
+            batches: vec![Batch { material: 0, first: 0, count: 1000 }],
             ..Geometry::default()
         },
         materials: vec![Material::default()],
@@ -70,8 +69,11 @@ fn a_structure_that_is_given_up_is_not_built() {
     });
     let mut own = OwnProgram::new(RayProgram::Final, covered);
     let mut built = |stop: bool| {
-        let stop = AtomicBool::new(stop);
-        own.build_until(&scene, &[false], &Progress::until(&stop)).expect("the processor holds it")
+        let cancellation = Cancellation::new();
+        if stop {
+            cancellation.cancel();
+        }
+        own.build_until(&scene, &[false], &Progress::until(&cancellation)).expect("the processor holds it")
     };
     assert_eq!(built(true), BuildStats::default());
     assert_ne!(built(false), BuildStats::default());
