@@ -254,7 +254,7 @@ fn quoted(field: &str) -> String {
     }
 }
 
-/// The texts that [`reference`] returns for the rows, each once, in order of first use, for numbering in a table.
+/// The texts that [`reference()`] returns for the rows, each once, in order of first use, for numbering in a table.
 #[must_use]
 pub fn references(rows: &[BenchRow]) -> Vec<&str> {
     let mut found: Vec<&str> = Vec::new();
