@@ -38,7 +38,7 @@ process() {
     { time nice -n "${NICE:-19}" "$bin/$target" "${options[@]}" -max_total_time="$seconds" \
         -artifact_prefix="$out/$target/" "$corpus/$target"; } >"$log" 2>&1 || failed=1
     local last cov ft edges runs cpu
-    # A process may end before it says anything of what it covered.
+    # A process may end before it prints its coverage.
     last=$(grep -aE 'cov: [0-9]+ ft: [0-9]+ corp:' "$log" | tail -1) || true
     cov=$(sed -E 's/.* cov: ([0-9]+) .*/\1/' <<<"$last")
     ft=$(sed -E 's/.* ft: ([0-9]+) .*/\1/' <<<"$last")

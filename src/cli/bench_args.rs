@@ -269,10 +269,7 @@ impl BenchArgs {
             words.extend(named("aa", self.aa.to_string()));
         }
         words.extend(self.set.iter().flat_map(|set| named("set", set.clone())));
-        for word in self.scene.options(&[]).words() {
-            let (name, value) = word.split_once('=').unwrap_or((&word, ""));
-            words.extend(named(name, value.to_owned()));
-        }
+        words.extend(self.scene.options(&[]).given().into_iter().flat_map(|(name, value)| named(name, value)));
         match self.reference_samples {
             _ if self.no_error => words.push("--no-error".to_owned()),
             Some(samples) => words.extend(named("reference-samples", samples.to_string())),

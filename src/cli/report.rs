@@ -87,7 +87,7 @@ fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathB
     if !is_scene {
         return match options.given().first() {
             None => Ok(None),
-            Some(first) => Err(Failure::Usage(format!(
+            Some((first, _)) => Err(Failure::Usage(format!(
                 "{}: projects have their own cameras, lights and passes; leave out --{first}, or name a scene",
                 args.projects.display()
             ))),
@@ -108,10 +108,9 @@ fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathB
 /// The command that writes the projects of a scene into a folder that stays.
 fn command_of_projects(args: &ReportArgs) -> String {
     let options = args.scene.options(&[]);
-    let option = |word: String| word.split_once('=').map(|(name, value)| [format!("--{name}"), value.to_owned()]);
     let words = ["curitiba".to_owned(), "scene".to_owned(), args.projects.display().to_string()]
         .into_iter()
-        .chain(options.words().into_iter().filter_map(option).flatten())
+        .chain(options.given().into_iter().flat_map(|(name, value)| [format!("--{name}"), value]))
         // The projects' camera depends on the window's shape.
         .chain(args.size.into_iter().flat_map(|[width, height]| ["--size".to_owned(), format!("{width}x{height}")]))
         .chain(["--projects".to_owned(), report::PROJECTS.to_owned()]);

@@ -42,8 +42,8 @@ pub(super) fn command(case: &Case) -> String {
     for set in &settings.set {
         option("set", set.clone());
     }
-    for word in settings.scene.words().iter().filter_map(|word| word.split_once('=')) {
-        option(word.0, word.1.to_owned());
+    for (name, value) in settings.scene.given() {
+        option(name, value);
     }
     words.splice(3..3, settings.scene.more.iter().map(|path| path.display().to_string()));
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")

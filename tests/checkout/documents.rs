@@ -52,11 +52,16 @@ fn function(span: &str) -> Option<&str> {
     (is_name && name.split('_').filter(|word| !word.is_empty()).count() >= 3).then_some(name)
 }
 
+/// Whether a path has the ending of a source.
+fn has_source_ending(path: &str) -> bool {
+    path.rsplit_once('.').is_some_and(|(_, ending)| SOURCES.contains(&ending))
+}
+
 /// Whether a code span is the path of a source, from the root or from a folder of it.
 fn is_source(span: &str) -> bool {
     let is_path = span.contains('/') && !span.starts_with('/') && !span.contains("..");
     let plain = span.chars().all(|letter| letter.is_ascii_alphanumeric() || matches!(letter, '/' | '_' | '-' | '.'));
-    is_path && plain && span.rsplit_once('.').is_some_and(|(_, ending)| SOURCES.contains(&ending))
+    is_path && plain && has_source_ending(span)
 }
 
 #[test]
@@ -65,8 +70,7 @@ fn what_documents_name_exists() {
     let mut paths = BTreeSet::new();
     files(root, "", &mut paths);
     let read = |path: &String| String::from_utf8_lossy(&std::fs::read(root.join(path)).expect("readable")).into_owned();
-    let is_source_file = |path: &&String| path.rsplit_once('.').is_some_and(|(_, ending)| SOURCES.contains(&ending));
-    let texts: Vec<String> = paths.iter().filter(is_source_file).map(read).collect();
+    let texts: Vec<String> = paths.iter().filter(|path| has_source_ending(path)).map(read).collect();
     let known: BTreeSet<&str> = texts.iter().flat_map(|text| words(text)).chain(FOREIGN).collect();
     let has_name = |span: &str| function(span).is_none_or(|name| known.contains(name));
     let has_file =
@@ -74,7 +78,7 @@ fn what_documents_name_exists() {
     // Controls: names that no file has. They are composed here, since this file is a source too.
     assert!(!has_name(&["no", "function", "has", "this", "name"].join("_")) && !has_file("passes/src/no_such_file.rs"));
 
-    // Notebooks tell what was: they may name what is gone.
+    // Lab notebooks describe the past, so they may name removed files.
     let is_page = |path: &str| path.starts_with("docs/") && !path.starts_with("docs/lab/") && path.ends_with(".md");
     let is_document = |path: &&String| *path == "README.md" || is_page(path);
     let (mut checked, mut wrong) = (0, Vec::new());

@@ -2,7 +2,6 @@
 
 use super::{PassMaterials, Renderer};
 use crate::backend::{Attachments, OwnMaterial};
-use crate::glass::GlassRule;
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
 use crate::plan::{Access, Shining, Work};
@@ -69,11 +68,9 @@ impl Renderer {
             (*attachments, *host, *traced) = Default::default();
         }
         let random = match (&work, &pass.kind) {
-            // Bodies of glass may be rough, and photons or roulette need bodies.
+            // Glass of materials may be rough, and photons or roulette need such glass.
             (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
-                let info = ray.program.info();
-                let in_glass = info.reads("glass") && params.glass == GlassRule::Auto;
-                info.samples(params) > 0 || info.sun_samples(params) > 0 || in_glass
+                ray.program.info().has_noise(params) || self.plan.asks_materials(planned)
             }
             (Work::Effect { .. }, _) => true,
             _ => false,

@@ -505,8 +505,13 @@ impl RayProgramInfo {
     /// light's disc has no noise.
     #[must_use]
     pub fn filter_levels(&self, params: &RayParams) -> u32 {
-        let noise = self.samples(params) > 0 || self.sun_samples(params) > 0;
-        if self.reads("filter") && noise { params.filter } else { 0 }
+        if self.reads("filter") && self.has_noise(params) { params.filter } else { 0 }
+    }
+
+    /// Whether the program takes random samples of occlusion or of the light's disc.
+    #[must_use]
+    pub fn has_noise(&self, params: &RayParams) -> bool {
+        self.samples(params) > 0 || self.sun_samples(params) > 0
     }
 
     /// Whether the program needs an acceleration structure, and why. `finds_glass` says whether any pixel may show glass.

@@ -62,7 +62,7 @@ pub fn open(
 ) -> Result<Project, SourceError> {
     match scene_files(path)? {
         None => {
-            let given: Vec<String> = options.given().iter().map(|name| format!("--{name}")).collect();
+            let given: Vec<String> = options.given().iter().map(|(name, _)| format!("--{name}")).collect();
             if !given.is_empty() {
                 let (path, options) = (path.display(), given.join(", "));
                 let what = "a project file has its own cameras, lights and passes";

@@ -77,10 +77,10 @@ impl Picture {
 }
 
 fn shown(image: &Image, display: Display) -> Arc<ColorImage> {
-    let shown = |pixel: &[f32; 4]| {
+    let color = |pixel: &[f32; 4]| {
         let [r, g, b, _] = display.stored(*pixel);
         Color32::from_rgb(byte(r), byte(g), byte(b))
     };
-    let colors = image.pixels.par_iter().with_min_len(4096).map(shown).collect();
+    let colors = image.pixels.par_iter().with_min_len(4096).map(color).collect();
     Arc::new(ColorImage::new([image.width, image.height].map(|side| side as usize), colors))
 }

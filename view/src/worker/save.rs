@@ -84,11 +84,8 @@ fn command(
     let mut words = vec!["curitiba".to_owned(), "render".to_owned(), quoted(&source.display().to_string())];
     words.extend(settings.scene.more.iter().map(|path| quoted(&path.display().to_string())));
     let mut option = |name: &str, value: &str| words.extend([format!("--{name}"), quoted(value)]);
-    for word in settings.scene.words() {
-        // The further files are among the words, too.
-        if let Some((name, value)) = word.split_once('=').filter(|(name, _)| settings.scene.given().contains(name)) {
-            option(name, value);
-        }
+    for (name, value) in settings.scene.given() {
+        option(name, &value);
     }
     option("size", &format!("{width}x{height}"));
     if let Some(Rect { x, y, width, height }) = settings.crop {

@@ -110,37 +110,29 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// Names of the options that are set, as on the command line and in `compare`.
+    /// The options that are set, each with its name and its value as on the command line and in `compare`. [`Self::more`] is not among them.
     #[must_use]
-    pub fn given(&self) -> Vec<&'static str> {
+    pub fn given(&self) -> Vec<(&'static str, String)> {
+        let vector = |Vec3 { x, y, z }: Vec3| format!("{x}/{y}/{z}");
+        let point = |DVec3 { x, y, z }: DVec3| format!("{x}/{y}/{z}");
         let given = [
-            ("effects", self.effects.is_some()),
-            ("look-from", self.look_from.is_some()),
-            ("look-at", self.look_at.is_some()),
-            ("fov", self.fov.is_some()),
-            ("sun", self.sun.is_some()),
-            ("up", self.up != Up::Y),
-            ("background", self.background.is_some()),
+            ("effects", self.effects.map(|effects| effects.to_string())),
+            ("look-from", self.look_from.map(point)),
+            ("look-at", self.look_at.map(point)),
+            ("fov", self.fov.map(|fov| fov.to_string())),
+            ("sun", self.sun.map(vector)),
+            ("up", (self.up == Up::Z).then(|| "z".to_owned())),
+            ("background", self.background.map(vector)),
         ];
-        given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect()
+        given.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
     }
 
-    /// The options that are set, as words such as `effects=shadows+ao` that can be parsed again.
+    /// The options that are set and the further files, as words such as `effects=shadows+ao` and `with b.obj`.
     #[must_use]
     pub fn words(&self) -> Vec<String> {
-        let vector = |name: &str, vector: Option<Vec3>| vector.map(|Vec3 { x, y, z }| format!("{name}={x}/{y}/{z}"));
-        let point = |name: &str, point: Option<DVec3>| point.map(|DVec3 { x, y, z }| format!("{name}={x}/{y}/{z}"));
-        let words = [
-            self.effects.map(|effects| format!("effects={effects}")),
-            point("look-from", self.look_from),
-            point("look-at", self.look_at),
-            self.fov.map(|fov| format!("fov={fov}")),
-            vector("sun", self.sun),
-            (self.up == Up::Z).then(|| "up=z".to_owned()),
-            vector("background", self.background),
-        ];
+        let given = self.given().into_iter().map(|(name, value)| format!("{name}={value}"));
         let more = self.more.iter().map(|path| format!("with {}", path.display()));
-        words.into_iter().flatten().chain(more).collect()
+        given.chain(more).collect()
     }
 
     /// Whether the camera is described, so that none of the file's cameras is the default.
