@@ -2,10 +2,11 @@
 
 use crate::camera;
 use crate::canvas::Canvas;
-use crate::texture::Slot;
+use crate::texture::Device;
 use crate::theme::style;
 use crate::worker::{Activity, Available, Command, Facts, Picture, Side, State, Worker};
 use curitiba::pipeline::project::Pose;
+use eframe::egui_wgpu::RenderState;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -32,7 +33,7 @@ pub(crate) type Output = Option<String>;
 pub struct App {
     /// The renderer's thread.
     pub worker: Worker,
-    /// The thread's last state.
+    /// The thread's last state. Its pictures stay the same until the window is drawn, so that their textures are not used for others.
     pub state: State,
     /// Zoom and position of the picture.
     pub canvas: Canvas,
@@ -76,9 +77,8 @@ pub struct App {
     pub help: bool,
     /// Whether warnings are listed.
     pub list_warnings: bool,
-    pub(crate) shown: Slot,
-    pub(crate) against: Slot,
-    pub(crate) heat: Slot,
+    /// The device that draws the window; `None` if the window is only laid out.
+    pub(crate) device: Option<Device>,
     available: Option<Arc<OnceLock<Available>>>,
     /// The message about the last action, and when it disappears, in seconds of the window's clock.
     pub(crate) notice: Option<(String, f64)>,
@@ -89,9 +89,19 @@ pub struct App {
 }
 
 impl App {
-    /// A window for the pictures of `worker`, whose thread may have started before the window existed.
-    pub fn new(context: &egui::Context, worker: Worker, reference: Option<PathBuf>) -> Self {
+    /// A window for the pictures of `worker`, whose thread may have started before the window existed. From now on this thread puts its pictures
+    /// onto the device of `drawing`. Without a device the window can be laid out, but shows no pictures.
+    pub fn new(
+        context: &egui::Context,
+        drawing: Option<&RenderState>,
+        worker: Worker,
+        reference: Option<PathBuf>,
+    ) -> Self {
         style(context);
+        let device = drawing.map(Device::new);
+        if let Some(device) = &device {
+            worker.draw_on(device.clone());
+        }
         let mut app = Self {
             worker,
             state: State::default(),
@@ -116,9 +126,7 @@ impl App {
             picked: None,
             help: false,
             list_warnings: true,
-            shown: Slot::default(),
-            against: Slot::default(),
-            heat: Slot::default(),
+            device,
             available: None,
             notice: None,
             drawn: 0,

@@ -119,7 +119,7 @@ fn run(args: ViewArgs) -> Result<ExitCode, String> {
             let worker = taken().ok_or("the renderer is gone")?;
             // The first frame of the window shows whatever the thread reported before this.
             let _ = awake.set(context.egui_ctx.clone());
-            let app = App::new(&context.egui_ctx, worker, reference);
+            let app = App::new(&context.egui_ctx, context.wgpu_render_state.as_ref(), worker, reference);
             Ok(Box::new(Window { app, quit_after, window_png, asked: false, failed: told }))
         }),
     )

@@ -1,6 +1,7 @@
 //! Overlays of the picture: values of pixels, rays, names.
 
 use crate::canvas::{Canvas, VALUES, rounded};
+use crate::theme::RED;
 use crate::theme::number;
 use crate::worker::{Picture, PixelRays, Segment};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2};
@@ -36,6 +37,16 @@ pub fn name(painter: &Painter, at: Pos2, align: Align2, text: &str) {
     let rect = align.anchor_size(at, galley.size());
     painter.rect_filled(rect.expand2(egui::vec2(5.0, 3.0)), 3.0, Color32::from_black_alpha(170));
     painter.galley(rect.min, galley, Color32::WHITE);
+}
+
+/// Says in the middle of a part why a picture is missing there.
+pub fn missing(painter: &Painter, part: Rect, why: &str) {
+    let galley = painter.layout(why.to_owned(), FontId::proportional(12.0), RED, part.width());
+    painter.with_clip_rect(part).galley(
+        Align2::CENTER_CENTER.anchor_size(part.center(), galley.size()).min,
+        galley,
+        RED,
+    );
 }
 
 /// The colour of a ray, by its purpose.

@@ -4,12 +4,11 @@ use super::overlay;
 use crate::app::{App, Mode};
 use crate::camera;
 use crate::canvas::SQUARES;
-use crate::texture::texture;
 use crate::theme::RED;
 use crate::worker::{Activity, Facts, Picture};
 use egui::{
     Align2, CentralPanel, Color32, CursorIcon, Frame, Key, PointerButton, Pos2, Rect, Response, RichText, Role,
-    ScrollArea, Sense, Stroke, TextureId, Ui, WidgetInfo, pos2, vec2,
+    ScrollArea, Sense, Stroke, Ui, WidgetInfo, pos2, vec2,
 };
 use glam::Vec3;
 use std::time::Duration;
@@ -52,29 +51,34 @@ fn nothing(app: &App, ui: &mut Ui) {
 }
 
 /// Draws the pictures and their overlays; returns the name of what is shown.
-fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
+fn show(app: &App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
     let Some(picture) = app.seen() else { return String::new() };
     let size = picture.whole;
     let (canvas, context) = (app.canvas, ui.ctx().clone());
     let (rect, scale) = (canvas.rect(area, size), canvas.scale(area, size));
     let squares = scale * context.pixels_per_point() >= SQUARES;
     let painter = ui.painter_at(area);
-    let own = texture(&context, &mut app.shown, &picture, squares).id();
+    let other = app.compared().map(|[_, right]| right);
     let values = |of: &Picture, part: Rect| {
         overlay::values(&painter.with_clip_rect(part.intersect(area)), &canvas, area, of);
     };
-    let draw = |texture: TextureId, part: Rect| {
+    let draw = |picture: &Picture, part: Rect| {
+        // Without a device, nothing is drawn at all.
+        let Some(device) = &app.device else { return };
+        let texture = match picture.on(device) {
+            Ok(texture) => texture.id(device, squares),
+            Err(why) => return overlay::missing(&painter, part.intersect(area), why),
+        };
         let share = |at: Pos2| pos2((at.x - rect.left()) / rect.width(), (at.y - rect.top()) / rect.height());
         painter.image(texture, part, Rect::from_min_max(share(part.min), share(part.max)), Color32::WHITE);
     };
     let corner = area.intersect(rect).left_top() + vec2(8.0, 8.0);
-    let other = app.compared().map(|[_, right]| right);
     let heat = app.state.compared.clone();
     let name = named(&picture);
     let mut shown = name.clone();
     match (app.mode, other, heat) {
         (Mode::Difference, Some(_), Some(compared)) => {
-            draw(texture(&context, &mut app.heat, &compared.heat, squares).id(), rect);
+            draw(&compared.heat, rect);
             values(&picture, rect);
             shown = format!("FLIP of {} and {}", compared.names[0], compared.names[1]);
             overlay::name(&painter, corner, Align2::LEFT_TOP, &shown);
@@ -82,19 +86,15 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
         (Mode::Flicker, Some(other), _) => {
             let second = context.input(|input| input.time / FLICKER.as_secs_f64()) as u64 % 2 == 1;
             context.request_repaint_after(FLICKER / 4);
-            let (id, name, shown) = if second {
-                (texture(&context, &mut app.against, &other, squares).id(), &named(&other), &other)
-            } else {
-                (own, &name, &picture)
-            };
-            draw(id, rect);
+            let (name, shown) = if second { (&named(&other), &other) } else { (&name, &picture) };
+            draw(shown, rect);
             values(shown, rect);
             overlay::name(&painter, corner, Align2::LEFT_TOP, name);
         }
         (Mode::Wipe, Some(other), _) => {
             let [left, right] = overlay::halves(rect, app.wipe);
-            draw(own, left);
-            draw(texture(&context, &mut app.against, &other, squares).id(), right);
+            draw(&picture, left);
+            draw(&other, right);
             values(&picture, left);
             values(&other, right);
             painter.vline(left.right(), rect.y_range(), Stroke::new(1.5, Color32::WHITE));
@@ -103,7 +103,7 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
             overlay::name(&painter, other_corner, Align2::RIGHT_TOP, &named(&other));
         }
         _ => {
-            draw(own, rect);
+            draw(&picture, rect);
             values(&picture, rect);
             overlay::name(&painter, corner, Align2::LEFT_TOP, &name);
         }

@@ -27,6 +27,7 @@ pub use inspect::{PixelRays, Segment};
 pub use picture::Picture;
 pub use side::{Obtained, On, Side, Times, What};
 
+use crate::texture::Device;
 use curitiba::Choice;
 use curitiba::pipeline::executor::{Cancellation, Progress};
 use curitiba::pipeline::plan::Settings;
@@ -35,7 +36,7 @@ use session::Session;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -222,6 +223,8 @@ type Wake = Arc<dyn Fn() + Send + Sync>;
 struct Shared {
     state: Mutex<State>,
     busy: Mutex<Busy>,
+    /// The window's device, once there is a window.
+    device: OnceLock<Device>,
     wake: Wake,
 }
 
@@ -245,6 +248,14 @@ impl Shared {
         change(&mut lock(&self.state));
         (self.wake)();
     }
+
+    /// Puts a picture that the window will show onto the window's device, if that is known.
+    fn put(&self, picture: &Picture) {
+        if let Some(device) = self.device.get() {
+            // The window asks again, and shows the error.
+            let _ = picture.on(device);
+        }
+    }
 }
 
 /// The window's handle of the renderer's thread. Dropping it ends the thread.
@@ -262,12 +273,18 @@ impl Worker {
     /// If no thread can be started.
     pub fn start(source: Source, wake: impl Fn() + Send + Sync + 'static) -> std::io::Result<Self> {
         let state = Mutex::new(State::default());
-        let shared = Arc::new(Shared { state, busy: Mutex::default(), wake: Arc::new(wake) });
+        let shared = Arc::new(Shared { state, busy: Mutex::default(), device: OnceLock::new(), wake: Arc::new(wake) });
         let (messages, inbox) = channel();
         let (theirs, to_itself) = (Arc::clone(&shared), messages.clone());
         let thread = std::thread::Builder::new().name("renderer".to_owned()).stack_size(8 << 20);
         let thread = thread.spawn(move || work(Session::new(source, theirs, to_itself), &inbox))?;
         Ok(Self { messages, sent: AtomicU64::new(0), shared, thread: Some(thread) })
+    }
+
+    /// From now on the thread puts its pictures onto this device, before the window sees them. The window itself does so with earlier pictures.
+    pub(crate) fn draw_on(&self, device: Device) {
+        // A worker has one window.
+        let _ = self.shared.device.set(device);
     }
 
     /// Sends a command. Cancels the current step if the command makes its picture obsolete.

@@ -1,5 +1,6 @@
 //! A picture as the window shows it.
 
+use crate::texture::{Device, OnDevice, Texture};
 use curitiba::pipeline::color::Display;
 use curitiba::pipeline::executor::Renderer;
 use curitiba::pipeline::image::{Content, Image, byte, make_visible};
@@ -20,9 +21,9 @@ pub struct Picture {
     pub whole: [u32; 2],
     /// Names of the four components of a pixel.
     pub components: [&'static str; 4],
-    /// The colours on the screen: those of the PNG file that `render` writes. They are computed on the worker's side, and the window passes them
-    /// to its device unchanged.
+    /// The colours on the screen: those of the PNG file that `render` writes. They are put onto the window's device unchanged.
     pub shown: Arc<ColorImage>,
+    on_device: OnDevice,
 }
 
 impl Picture {
@@ -30,7 +31,14 @@ impl Picture {
     #[must_use]
     pub fn of_window(name: impl Into<String>, image: Image, display: Display) -> Self {
         let (shown, whole) = (shown(&image, display), [image.width, image.height]);
-        Self { name: name.into(), image, whole, components: ["R", "G", "B", "W"], shown }
+        Self {
+            name: name.into(),
+            image,
+            whole,
+            components: ["R", "G", "B", "W"],
+            shown,
+            on_device: OnDevice::default(),
+        }
     }
 
     /// The result: the window's picture.
@@ -53,7 +61,16 @@ impl Picture {
             Content::Position => (shown(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "cosine"]),
             Content::Normal => (shown(&make_visible(&image, content), Display::default()), ["X", "Y", "Z", "W"]),
         };
-        Self { name: name.into(), image, whole, components, shown }
+        Self { name: name.into(), image, whole, components, shown, on_device: OnDevice::default() }
+    }
+
+    /// The picture's texture, which is the picture's alone as long as this exists. The first caller puts the picture onto the device; others wait
+    /// for that.
+    ///
+    /// # Errors
+    /// If the device cannot hold the picture.
+    pub(crate) fn on(&self, device: &Device) -> Result<&Texture, &str> {
+        self.on_device.get(device, &self.shown)
     }
 
     /// Whether it has fewer pixels than the size at which it is shown.

@@ -215,6 +215,7 @@ impl Session {
 
     fn tell_side(&mut self, index: usize, obtained: Obtained) {
         self.compare_due = true;
+        obtained.picture.iter().for_each(|picture| self.shared.put(picture));
         self.shared.change(|state| state.sides[index] = obtained);
     }
 
@@ -230,6 +231,7 @@ impl Session {
             return;
         }
         let compared = compare::compare(&left, &right, renderer.plan().display);
+        compared.iter().for_each(|compared| self.shared.put(&compared.heat));
         self.shared.change(|state| match compared {
             Ok(compared) => (state.compared, state.incomparable) = (Some(Arc::new(compared)), None),
             Err(why) => (state.compared, state.incomparable) = (None, Some(why)),

@@ -148,12 +148,16 @@ impl Session {
     fn show(&mut self) {
         self.show_due = false;
         match self.rendered(&What::Shown) {
-            Ok(Some(picture)) => self.shared.change(|state| state.picture = Some(picture)),
+            Ok(Some(picture)) => {
+                self.shared.put(&picture);
+                self.shared.change(|state| state.picture = Some(picture));
+            }
             // The frame that writes the output is due.
             Ok(None) => return,
             Err(why) => {
                 self.shown = None;
                 let picture = self.result.clone();
+                picture.iter().for_each(|picture| self.shared.put(picture));
                 self.shared.change(|state| (state.error, state.picture) = (Some(why), picture));
             }
         }

@@ -4,8 +4,10 @@ use curitiba::Choice;
 use curitiba::pipeline::plan::Settings;
 use curitiba_view::app::App;
 use curitiba_view::worker::{Activity, PassFacts, Picture, Source, Worker};
+use eframe::egui_wgpu::{RenderState, RendererOptions};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
+use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -37,6 +39,8 @@ pub fn can_draw() -> bool {
 
 pub struct Window {
     pub harness: Harness<'static, App>,
+    /// What draws the window; `None` if it is only laid out.
+    pub device: Option<RenderState>,
 }
 
 impl Window {
@@ -55,14 +59,23 @@ impl Window {
     }
 
     pub fn start(source: Source, draws: bool) -> Self {
+        let device = draws.then(|| create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE));
+        Self::on(source, device)
+    }
+
+    /// As [`Self::start`], for a window that this device draws.
+    pub fn on(source: Source, device: Option<RenderState>) -> Self {
         let builder = Harness::builder().with_size(egui::vec2(1280.0, 800.0)).with_max_steps(64);
-        let builder = if draws { builder.wgpu() } else { builder };
+        let builder = match &device {
+            Some(device) => builder.renderer(WgpuTestRenderer::from_render_state(device.clone())),
+            None => builder,
+        };
         // The worker wakes nothing: the tests draw until the awaited state is reached.
         let worker = Worker::start(source, || {}).expect("a thread");
-        let app = App::new(&egui::Context::default(), worker, None);
+        let app = App::new(&egui::Context::default(), device.as_ref(), worker, None);
         let harness = builder.build_ui_state(|ui, app: &mut App| curitiba_view::draw(app, ui), app);
         curitiba_view::theme::style(&harness.ctx);
-        Self { harness }
+        Self { harness, device }
     }
 
     pub fn app(&self) -> &App {

@@ -65,7 +65,7 @@ impl TimedWindow {
             view_formats: &[],
         });
         let target = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Self { app: App::new(&context, worker, None), context, device, target, frames: 0 }
+        Self { app: App::new(&context, Some(&device), worker, None), context, device, target, frames: 0 }
     }
 
     /// The driver's name for the device that draws.

@@ -8,6 +8,7 @@ mod compared;
 mod drawn;
 mod frame;
 mod measured;
+mod textures;
 
 use common::{Window, bytes, png, project, settings, source};
 use curitiba::pipeline::executor::Silent;

@@ -167,6 +167,16 @@ fn time_of_the_window_beside_the_passes() {
         others.push(window.frame());
     }
     print_parts("another picture of 1024 x 1024 pixels", &others[FRAMES / 4..]);
+    // Pictures come while the window lays out a frame.
+    let start = window.app.state.facts.clone().expect("it is open").pose.expect("a camera");
+    let bounds = window.app.state.facts.clone().expect("it is open").bounds.expect("a scene");
+    let (pivot, mut dragged) = (camera::pivot(&start, &bounds), Vec::new());
+    for turn in 0..FRAMES {
+        window.app.worker.send(Command::Move(camera::orbit(&start, pivot, turn as f32 * 1e-3, 0.0)));
+        dragged.push(window.frame());
+    }
+    print_parts("while the camera is dragged", &dragged[FRAMES / 4..]);
+    window.rest();
     let side = Side::here(What::Result);
     window.app.compare_with(Some(side));
     window.rest();
