@@ -8,7 +8,7 @@ use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::SceneOptions;
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use curitiba_view::camera;
-use curitiba_view::worker::{Activity, Command, Side, Source, State, What, Worker};
+use curitiba_view::worker::{Activity, Command, Facts, Side, Source, State, What, Worker};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -53,6 +53,13 @@ fn large(set: &[&str], effects: Option<&str>) -> Settings {
     Settings { size: Some([1024, 1024]), set, scene, ..Settings::default() }
 }
 
+/// The moves of a camera that orbits its scene from where it is, by their number.
+fn orbit(facts: &Facts) -> impl Fn(usize) -> Command + use<> {
+    let (start, bounds) = (facts.pose.expect("a camera"), facts.bounds.expect("a scene"));
+    let pivot = camera::pivot(&start, &bounds);
+    move |turn| Command::Move(camera::orbit(&start, pivot, turn as f32 * 1e-3, 0.0))
+}
+
 #[test]
 #[ignore = "measures"]
 fn frames_a_second_while_the_camera_is_dragged() {
@@ -65,9 +72,7 @@ fn frames_a_second_while_the_camera_is_dragged() {
         let worker =
             Worker::start(Source { path, settings, choice: engines(), watch: false }, || {}).expect("a thread");
         let state = wait(&worker, "a picture", |state| state.picture.is_some());
-        let facts = state.facts.expect("it is open");
-        let (start, bounds) = (facts.pose.expect("a camera"), facts.bounds.expect("a scene"));
-        let pivot = camera::pivot(&start, &bounds);
+        let orbit = orbit(&state.facts.expect("it is open"));
         let (mut seconds, mut processors, mut passes) = (Vec::new(), Vec::new(), Vec::new());
         let mut moved = 0;
         // As a mouse does: a move every 8 ms, whether or not a picture is ready. The first frames choose the number of samples.
@@ -75,7 +80,7 @@ fn frames_a_second_while_the_camera_is_dragged() {
             let (began, before, used) = (Instant::now(), worker.state().frames, processor());
             while began.elapsed() < Duration::from_secs(3) {
                 moved += 1;
-                worker.send(Command::Move(camera::orbit(&start, pivot, moved as f32 * 1e-3, 0.0)));
+                worker.send(orbit(moved));
                 std::thread::sleep(Duration::from_millis(8));
             }
             let state = worker.state();
@@ -168,11 +173,10 @@ fn time_of_the_window_beside_the_passes() {
     }
     print_parts("another picture of 1024 x 1024 pixels", &others[FRAMES / 4..]);
     // Pictures come while the window lays out a frame.
-    let start = window.app.state.facts.clone().expect("it is open").pose.expect("a camera");
-    let bounds = window.app.state.facts.clone().expect("it is open").bounds.expect("a scene");
-    let (pivot, mut dragged) = (camera::pivot(&start, &bounds), Vec::new());
+    let orbit = orbit(window.app.state.facts.as_ref().expect("it is open"));
+    let mut dragged = Vec::new();
     for turn in 0..FRAMES {
-        window.app.worker.send(Command::Move(camera::orbit(&start, pivot, turn as f32 * 1e-3, 0.0)));
+        window.app.worker.send(orbit(turn));
         dragged.push(window.frame());
     }
     print_parts("while the camera is dragged", &dragged[FRAMES / 4..]);
