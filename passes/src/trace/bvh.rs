@@ -54,7 +54,7 @@ impl Bvh {
     }
 
     /// As [`Self::build`], but may be cancelled; `None` then. Cancellation is checked between the parts of the work that threads take. The
-    /// clustering of the binary tree is a single part, and so is all of the tree of a sky.
+    /// clustering of the binary tree is a single part.
     ///
     /// # Panics
     /// As [`Self::build`].
@@ -71,9 +71,13 @@ impl Bvh {
             root: built.root,
             bounds: built.bounds,
         };
-        let tree = whole(build::build_until(&Triangles::new(geometry, transparent), quality, progress)?);
         let sky = Triangles::new(geometry, transparent).sky();
-        let sky = sky.map(|sky| Box::new(whole(build::build(&sky, quality))));
+        progress.start(build::STEPS * if sky.is_some() { 2 } else { 1 });
+        let tree = whole(build::build_until(&Triangles::new(geometry, transparent), quality, progress)?);
+        let sky = match sky {
+            Some(sky) => Some(Box::new(whole(build::build_until(&sky, quality, progress)?))),
+            None => None,
+        };
         Some(Self { tree, sky, instruction_set: Detected::best() })
     }
 

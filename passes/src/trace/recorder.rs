@@ -117,6 +117,18 @@ impl<'a, T: Tracer> Recorder<'a, T> {
         log.events.push(Event::Ray(RecordedRay { purpose, bounce, weight, ray: *ray, leaves, offset, outcome, asked }));
     }
 
+    /// The nearest accepted hit that is not on the sky, which stops no shadow or occlusion ray.
+    fn blocker(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        let mut left = *ray;
+        loop {
+            let hit = self.inner.closest(&left, &mut accept)?;
+            if !self.geometry.sky.contains(hit.triangle) {
+                return Some(hit);
+            }
+            left.t_min = hit.t.next_up();
+        }
+    }
+
     fn distance(&self, triangle: u32, ray: &Ray) -> f64 {
         if let Some(sphere) = self.geometry.sphere(triangle) {
             let from = ray.origin.as_dvec3() - sphere.center.as_dvec3();
@@ -156,8 +168,8 @@ impl<T: Tracer> Tracer for Recorder<'_, T> {
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         let mut asked = Vec::new();
         let blocked = self.inner.occluded(ray, listen(&mut asked, &mut accept));
-        // A second query finds the blocker; calling `accept` again is allowed.
-        let blocker = if blocked { self.inner.closest(ray, &mut accept) } else { None };
+        // Further queries find the blocker; calling `accept` again is allowed.
+        let blocker = if blocked { self.blocker(ray, &mut accept) } else { None };
         self.record(ray, blocker.map_or(Outcome::Open, Outcome::Blocked), asked);
         blocked
     }
@@ -177,5 +189,37 @@ impl<T: Tracer> Tracer for Recorder<'_, T> {
             log.weights.truncate(rays.bounce as usize);
             log.weights.push(rays.weight);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::{Bvh, Quality};
+    use curitiba_pipeline::scene::{Batch, TriangleRanges};
+
+    #[test]
+    fn what_stops_a_ray_is_no_sky_before_it() {
+        let mut geometry = Geometry::default();
+        // From near to far: two triangles of a sky and a wall.
+        for (id, z) in [1.0, 2.0, 3.0].into_iter().enumerate() {
+            geometry.positions.extend([[-9.0, -9.0], [9.0, -9.0], [0.0, 9.0]].map(|[x, y]| Vec3::new(x, y, z)));
+            geometry.triangles.push([0, 1, 2].map(|corner| 3 * id as u32 + corner));
+        }
+        geometry.batches = vec![Batch { material: 0, first: 0, count: 2 }, Batch { material: 1, first: 2, count: 1 }];
+        geometry.sky = TriangleRanges::of_triangles(&geometry, &[true, false]);
+        let tree = Bvh::build(&geometry, &[], Quality::Fast);
+        let recorder = Recorder::new(&tree, &geometry, None);
+        let ray = Ray { origin: Vec3::ZERO, direction: Vec3::Z, t_min: 0.0, t_max: 10.0 };
+        assert_eq!(tree.closest(&ray, |_| true).map(|hit| hit.triangle), Some(0), "the sky is nearer");
+        assert!(recorder.occluded(&ray, |_| true));
+        assert!(!recorder.occluded(&Ray { t_max: 2.5, ..ray }, |_| true));
+        let outcome = |event| match event {
+            Event::Ray(ray) => ray.outcome,
+            Event::Certain { .. } => Outcome::Miss,
+        };
+        let outcomes: Vec<_> = recorder.events().into_iter().map(outcome).collect();
+        let [Outcome::Blocked(hit), Outcome::Open] = outcomes[..] else { panic!("{outcomes:?}") };
+        assert_eq!((hit.triangle, hit.t), (2, 3.0));
     }
 }

@@ -17,6 +17,6 @@ mod ploc;
 #[cfg(test)]
 mod soup;
 
-pub(crate) use builder::{Built, build, build_until};
+pub(crate) use builder::{Built, STEPS, build_until};
 pub use effort::Quality;
 pub(crate) use input::Triangles;
