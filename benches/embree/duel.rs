@@ -20,7 +20,7 @@ pub struct RayRow {
     threads: usize,
     count: u64,
     hits: u64,
-    /// Differences of the fastest Embree's answers from ours.
+    /// Differences between our answers and those of Embree's fastest mode, over trees without the robust flag.
     differences: Differences,
     robust_differences: Differences,
     ours: Side,
@@ -28,7 +28,7 @@ pub struct RayRow {
     embree: Side,
     embree_single: Side,
     embree_robust: Side,
-    /// Our rate over the rate of the fastest Embree, by processor time.
+    /// Our rays per processor second, divided by those of Embree's mode that was the fastest in the first round, over trees without the robust flag.
     ratio: f64,
     ratio_robust: f64,
     /// The same ratio for single rays.

@@ -8,7 +8,7 @@ pub enum SurfaceKind {
     /// An opaque surface: the material's colour, lit.
     #[default]
     Painted,
-    /// As [`Self::Painted`], with holes where the texture's alpha is below [`CUT_OUT`].
+    /// As [`Self::Painted`], with holes where the texture's alpha is below the material's cutoff, by default [`CUT_OUT`].
     CutOut,
     /// A light source: it shows the light's radiance, and shadow rays pass through it.
     Light,

@@ -15,8 +15,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const PAUSE: Duration = Duration::from_millis(250);
 /// Greatest number of floats in a packet, which holds whole rows: 4 MiB, far below the 4 GiB that its length field allows.
 const NUMBERS: usize = 1 << 20;
-/// The fourth channel is not alpha: targets store the light's cosine in it, and shares above 1. If it were named `A`, the viewer would use it as
-/// alpha, and blend its background with the colours. The viewer shows `W` as a channel group of its own.
+/// The fourth channel is not opacity: in positions it is the light's cosine, and in colours it may be above 1. If it were named `A`, the viewer would
+/// take it for opacity, and blend its background with the colours. The viewer shows `W` as a channel group of its own.
 const CHANNELS: [&str; 4] = ["R", "G", "B", "W"];
 
 /// A connection to tev. If it breaks, that is reported once, and rendering continues without it.

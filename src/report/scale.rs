@@ -222,7 +222,7 @@ fn measure_lines(
     }
 }
 
-/// Copies the projects of some lines into a temporary folder, with `count` lights in each of their passes.
+/// Copies the projects of the entries `lines` to a temporary folder. Each pass that has lights gets `count` of them.
 fn copy_with_lights(projects: &Path, folder: &Folder, lines: &[Entry], count: u32) -> Result<TemporaryFolder, String> {
     let copy = folder.scratch().map_err(|error| format!("no copy of the projects can be made: {error}"))?;
     let mut files: Vec<&str> = lines.iter().map(|line| line.file).collect();

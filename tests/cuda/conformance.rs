@@ -218,7 +218,7 @@ fn lights(backend: BackendChoice) {
             assert!(cpu.shadow > 10_000, "a light throws no shadows: {words}");
         }
         if record.backend == "cuda" {
-            // On the processor, `final` also lights surfaces of no weight.
+            // On the processor, `final` also lights surfaces that add nothing to the pixel.
             let shadow = |rays: RayCounts| if record.program == "final" { 0 } else { rays.shadow };
             let others = |rays: RayCounts| [shadow(rays), rays.reflected, rays.refracted, rays.lost];
             assert_eq!(others(record.rays), others(cpu), "{words}");

@@ -147,7 +147,7 @@ fn cosines_a_rounding_error_above_one_are_as_one() {
             assert_eq!(fresnel(cos, index), fresnel(1.0, index), "{index} {cos}");
         }
     }
-    // Such cosines occur: many vectors normalised in f32 are longer than 1.
+    // Cosines above 1 occur: rounding makes many vectors that are normalised in f32 slightly longer than 1.
     let mut random = Random::new(31);
     let longer = (0..10_000).map(|_| random.direction()).filter(|v| v.length_squared() > 1.0).count();
     assert!(longer > 500, "{longer} of 10,000");

@@ -138,7 +138,7 @@ impl Project {
     }
 }
 
-/// 32 x 32 pixels of the first square and 64 x 64 of the second, hidden or not.
+/// What the picture shows: 32 x 32 and 64 x 64 pixels of two squares, hidden or not, divided by 4096; their sum, divided by 8192; an unused counter.
 const COUNTED: [f32; 4] = [0.25, 1.0, 0.625, 0.0];
 
 #[test]

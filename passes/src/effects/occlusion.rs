@@ -38,8 +38,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.hemisphere(gathered, origin, surface, key, work, stops)
     }
 
-    /// As [`Self::occlusion`], from an origin around which triangles may have been gathered. If `gathered` is false, they were
-    /// not, and rays go through the tree.
+    /// As [`Self::occlusion`], for rays from `origin`. If `gathered`, the candidates of `work` must hold all triangles near `origin`, and rays are
+    /// tested against these. Otherwise rays traverse the tree.
     pub(super) fn hemisphere(
         &self,
         gathered: bool,

@@ -195,7 +195,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         if side < 0.0 { -curvature } else { curvature }
     }
 
-    /// The ray from an origin that is off its surface, and its closest hit; `None` where it hits nothing.
+    /// A ray and its closest hit, if there is one. The ray starts at distance 0, so an origin on a surface must be offset from it before.
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> (Ray, Option<Hit>) {
         let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         (ray, self.tracer.closest(&ray, |hit| self.covers(hit)))

@@ -218,7 +218,8 @@ fn a_square_throws_its_shadow_along_the_light() {
     assert!(off(&reds(&found), shadow(0.2)) > 3.0 * error, "control: a shadow that is moved goes unnoticed");
 }
 
-/// The part of a disc of `degrees` straight above that is seen at a distance from the edge of a half-plane 6 units above.
+/// The visible fraction of a disc light at the zenith, `degrees` across. A half-plane, 6 units above the ground, hides the rest. The point on the
+/// ground is not below the half-plane, at the horizontal distance `distance` from its edge.
 fn seen_beside_an_edge(degrees: f64, distance: f64) -> f64 {
     const STEPS: usize = 256;
     let height = 1.0 - (degrees / 2.0).to_radians().cos();

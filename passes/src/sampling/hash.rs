@@ -18,13 +18,13 @@ pub const ROULETTE: u32 = 1 << 31;
 /// Counter of [`dimensions`] for the part of the spectrum that a path in glass carries.
 pub const SPECTRUM: u32 = ROULETTE + 1;
 
-/// Counter of [`dimensions`] for the order of the points that choose microfacets.
+/// Counter of [`dimensions`] for the seed that shuffles the sample points of microfacets.
 pub const FACET_ORDER: u32 = ROULETTE + 2;
 
 /// Counter of [`dimensions`] for the place where a photon starts, on the disc that covers its target.
 pub const PHOTON_PLACE: u32 = ROULETTE + 3;
 
-/// Counter of [`dimensions`] for the direction of a photon; the counter before it is for the order of these directions.
+/// Counter of [`dimensions`] for the direction of a photon. The counter before it seeds the shuffle of these directions.
 pub const PHOTON_DIRECTION: u32 = ROULETTE + 5;
 
 /// Counter of [`dimensions`] for the choice of the way that a photon takes at a surface.

@@ -142,7 +142,7 @@ impl Default for Options {
     }
 }
 
-/// Finds the rows, which are the results, of many pairs, on any engine.
+/// Computes the visibility of many pairs of triangles, on the processor or on a device. Each pair gives one [`Row`].
 pub trait RowFinder {
     /// The options of the finder.
     fn options(&self) -> &Options;

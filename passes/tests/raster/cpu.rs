@@ -452,7 +452,7 @@ fn triangles_side_by_side_have_their_own_textures_or_none() {
 
 #[test]
 fn back_faces_of_culled_materials_are_left_out_and_nothing_else() {
-    // Triangles in random orientations around the camera's axis; some reach behind the eye and are clipped.
+    // Random triangles, centred in a cube around the eye. Those that lie partly behind the eye are clipped.
     let mut numbers = 1_u32;
     let mut next = || {
         numbers = numbers.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

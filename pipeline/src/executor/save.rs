@@ -35,7 +35,7 @@ pub struct Written {
     pub legend: Option<String>,
 }
 
-/// Result of [`Renderer::render_and_save`].
+/// Result of [`Renderer::render_and_save`] and [`Renderer::save_checked`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Saved {
     /// The files written.
@@ -170,7 +170,8 @@ impl Renderer {
         (held, pixels)
     }
 
-    /// Writes the picture of the last frame as [`Self::save`] does, and checks it for non-finite values and for being blank.
+    /// Writes the picture of the last frame as [`Self::save`] does. Also tells how many of the rendered pixels are not finite, and whether all of
+    /// them have one colour; with a crop, more pixels may be rendered than are written.
     ///
     /// # Errors
     /// As [`Self::save`].

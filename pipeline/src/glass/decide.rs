@@ -16,13 +16,13 @@ pub const TRANSPARENT: f32 = 0.1;
 pub struct Decided {
     /// Properties by material.
     pub dielectrics: Vec<Dielectric>,
-    /// A decision for each material that is glass and has triangles.
+    /// A decision for each material that is glass and has triangles or exact spheres.
     pub decisions: Vec<Decision>,
     /// Materials treated otherwise than their file says, and bodies that were flipped.
     pub warnings: Warnings,
 }
 
-/// Decides for every material of a scene. Bodies that face inwards are flipped in the scene, so that the geometric normal of every
+/// Decides which glass every material of a scene is. Bodies that face inwards are flipped in the scene, so that the geometric normal of every
 /// triangle of a solid points out of it. Warnings name `file`.
 ///
 /// | material | is |

@@ -45,8 +45,8 @@ impl Opening {
     }
 }
 
-/// A wall in the plane `z = 0` from the origin to `size`, with its holes left out. Vertices are shared, and edges run
-/// through from hole to hole, so that the wall has no cracks.
+/// A wall in the plane `z = 0` from the origin to `size`, without its openings. The sides of all openings cut it into a grid of quads, which
+/// share their vertices and have no T-junctions. The pieces beside arches have vertices of their own.
 pub(super) fn wall(
     builder: &mut Builder,
     surface: Surface,

@@ -48,10 +48,10 @@ fn picture(stored: &Stored, file: &Path, change: Change<'_>) -> Image {
     renderer.frame(&mut Silent).expect("a frame")
 }
 
-/// Compares red, green and blue. A pixel is left out if its value jumps by a hundredth when the eye moves by two thousandths: such a path ends at
-/// the border of two cells. Mitsuba's rays start a ten-thousandth off the surface, and after twenty reflections its paths end about that far beside
-/// ours. Rough glass has no such borders; there, pictures of several seeds measure the noise. The stored `unseen` is the error that the standard
-/// errors do not include.
+/// Compares red, green and blue. With one seed, a pixel is left out if a channel changes by more than 1 % when the eye moves by 0.002 scene units:
+/// its path ends near the edge between two cells of the wall, which have different radiances. Mitsuba's rays start about 0.0001 off the surface, so
+/// after twenty reflections its path may end in the other cell. Rough glass blurs these edges, and no pixel is left out. Its pictures have several
+/// seeds, whose spread gives our noise. The stored `unseen` is an error that the standard errors miss.
 fn difference(name: &str, file: &Path, seeds: u32, set: &[&str]) -> Difference {
     let stored: Stored = load(name);
     let change = Change { set, ..Change::default() };

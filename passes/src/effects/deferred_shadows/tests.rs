@@ -74,7 +74,7 @@ fn a_triangle_turned_away_from_the_light_is_in_its_own_shadow_without_a_ray() {
     let shot = Shot::of(&world, EYE, [Vec3::new(0.1, -0.02, 0.1)]);
     assert!(shot.position[0][3] > 0.1, "the shading normal sees the light");
     assert_eq!(shadows(&shot, Corrected), (vec![[0.5, 0.5, 0.5, 1.0]], 0));
-    // In the report's program the ray starts on the wrong side and hits nothing.
+    // In thesis fidelity, the ray leaves the triangle on the side that faces the light, and hits nothing.
     assert_eq!(shadows(&shot, Thesis), (vec![[1.0; 4]], 1));
 }
 

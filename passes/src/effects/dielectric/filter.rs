@@ -1,4 +1,4 @@
-//! The light that a surface of glass takes away beside the share that Fresnel's equations reflect.
+//! Properties of a glass surface at a hit: the colour filter of transmitted light, the share that is scattered back (the veil), and the roughness.
 
 use crate::effects::interpolate::interpolate;
 use crate::effects::{Coverage, Footprint, Pass};

@@ -89,7 +89,7 @@ fn directions_are_unit_vectors_uniform_over_the_cone() {
             assert!((mean - axis.as_dvec3() * (1.0 - cap / 2.0)).length() < 2e-3 * cap.sqrt(), "{degrees}: {mean}");
         }
     }
-    // Consecutive parts of the sequence together have the directions of one sampler of all, in another order.
+    // Samplers of consecutive parts of the sequence give, together, the directions of one sampler of the whole, in another order.
     let of = |first, samples| -> Vec<[u32; 3]> {
         let sampler = ConeSampler::new(5.0, first, samples).expect("a part of the sequence");
         sampler.directions(axis, 7).map(|direction| direction.to_array().map(f32::to_bits)).collect()

@@ -195,7 +195,7 @@ impl Planes {
         let shading =
             geometry.triangles[triangle as usize].map(|vertex| geometry.normals.get(vertex as usize).copied());
         let flat = |plane: Vec4| shading.iter().flatten().all(|normal| agrees(*normal, plane));
-        // The geometric normal of a sliver is inexact; its shading normals are exact.
+        // Planes are looked up by a shading normal if there is one: the geometric normal of a sliver is less exact.
         let shown = shading[0].and_then(Vec3::try_normalize).map_or(own, Vec3::as_dvec3);
         let rounding = rounding_of(&corners);
         // The greatest distance of a corner of the triangle from a plane; `None` if the triangle does not lie in the plane.

@@ -66,7 +66,7 @@ struct FanLanes {
     /// uses.
     offset: [[F16; 3]; 2],
     shear: [F16; 2],
-    /// Rays whose largest direction component is x, and rays whose largest is y.
+    /// Rays whose largest direction component, by absolute value, is x, and rays whose largest is y.
     longest: [Mask; 2],
     /// Rays that may traverse the tree together.
     regular: Mask,

@@ -136,7 +136,8 @@ fn solve(query: ptr<function, Query>, corners: Corners, e: Edges, limit: f32, hi
     var t = select(-HUGE, HUGE, height.h >= 0.0);
     if slope.h != 0.0 {
         let quotient = div(height, slope).h;
-        // The quotient is out of range where the ray is nearly parallel; then the triangle's bounds decide.
+        // The quotient overflows where the ray is nearly parallel to the plane. Then t stays HUGE or -HUGE, and is clamped to
+        // the triangle's bounds below.
         if is_finite(quotient) {
             if !(quotient > (*query).t_min && quotient <= limit) { return false; }
             t = quotient;

@@ -49,6 +49,7 @@ fn both(program: RayProgram, fidelity: Fidelity, params: RayParams) -> Option<[V
     both_of(&world, &shot, program, fidelity, params)
 }
 
+/// Pictures of a world by a wgpu backend that tests share, and by the processor; `None` without a device.
 pub(super) fn both_of(
     world: &World,
     shot: &Shot<'_>,
@@ -59,7 +60,7 @@ pub(super) fn both_of(
     Some(both_on(&mut *rays_in_turn()?, world, shot, program, fidelity, params))
 }
 
-/// As [`both_of`], on a backend that may have compiled its programs already.
+/// As [`both_of`], on a backend of the caller.
 pub(super) fn both_on(
     rays: &mut WgpuRays,
     world: &World,

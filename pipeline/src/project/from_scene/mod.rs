@@ -93,7 +93,7 @@ impl SceneProjects {
         window: Option<[u32; 2]>,
     ) -> Result<Self, FromSceneError> {
         check(&scene).map_err(FromSceneError::Option)?;
-        // The examined scene is turned here; the stored one is turned when it is built.
+        // The scene is rotated to y upwards only while `of` examines it. The project stores it as it was given, and rotates it when it is built.
         let standing = (scene.objects.clone(), scene.cameras.clone(), scene.lights.clone(), scene.origin);
         turn(&mut scene, options.up);
         let mut projects = Self::of(&scene, &[], options, window)?;

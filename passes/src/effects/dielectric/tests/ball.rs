@@ -15,7 +15,7 @@ fn clear(index: f64) -> impl Fn(&Turned) -> DVec3 {
     move |ray| DVec3::splat((1.0 - reflectance(ray.cos, index)).powi(2))
 }
 
-/// The irradiance of a plane across the axis, and the bundles that bring it.
+/// The irradiance at the point `at` of a plane perpendicular to the axis, and the bundles that bring it.
 fn irradiance(ball: &Ball, index: f64, at: DVec2, width: f64) -> (f64, Vec<Bundle>) {
     let mut bundles = Vec::new();
     ball.bundles(at, width, clear(index), |bundle| bundles.push(bundle));

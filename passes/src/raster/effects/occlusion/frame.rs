@@ -12,7 +12,7 @@ pub const JITTERS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 /// Values that all pixels of an ambient occlusion share.
 #[derive(Debug, Clone)]
 pub struct Occlusion<'a> {
-    /// The G-buffer, by pixel. A position of four zeros shows nothing; a normal of 0 marks the background.
+    /// The G-buffer, by pixel. Where no surface is seen, all numbers of the position and of the normal are 0.
     pub(super) position: &'a [[f32; 4]],
     pub(super) normal: &'a [[f32; 4]],
     /// Rows of the matrix from a position, relative to [`Self::from`], to `(column w, row w, w)`; columns and rows are in

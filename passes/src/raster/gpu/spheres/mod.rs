@@ -2,7 +2,7 @@
 //! depth of the hit.
 //!
 //! Spheres are drawn after all triangles, in the order of their ids. Of equal depths the first drawn stays, as in the rasteriser on the
-//! processor. Resources are made for the first scene that has spheres.
+//! processor. Pipelines and buffers are made when they are first needed.
 
 mod record;
 
