@@ -455,10 +455,10 @@ template <class Tracer> DEVICE void find_bodies_around_eye(Pass<Tracer> &pass) {
         [&](unsigned i) { return entered[i]; });
 }
 
-// The share of the light that passes these surfaces of glass, by colour, though they bend nothing (`shadow.rs`).
-template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<Tracer> &pass, Crossings &crossings) {
+// The share of the light along a ray that passes these surfaces of glass, by colour, though they bend nothing (`shadow.rs`).
+template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<Tracer> &pass, const Ray &ray, Crossings &crossings) {
     const Params &params = pass.params;
-    float3 direction = pass.to_light();
+    float3 direction = ray.direction;
     constexpr float ROUNDING = 16.0f * UNIT_ROUNDOFF;
     auto material = [&](unsigned i) { return __ldg(params.materials + crossings.met[i].triangle); };
     auto enters = [&](unsigned i) {
@@ -509,16 +509,28 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
             passes = passes * THROUGH_GLASS;
         }
     }
-    return passes * transmittance(extinction_in(params, media), pass.way_left(from));
+    return passes * transmittance(extinction_in(params, media), ray.t_max - from);
 }
+
+#ifdef CURITIBA_SPHERES
+// The share of light that comes along a ray, by colour, as if the sphere `without` were not there.
+template <class Tracer> DEVICE float3 straight_along(Pass<Tracer> &pass, const Ray &ray, unsigned without) {
+    Crossings crossings;
+    crossings.stored = crossings.beyond = 0;
+    crossings.origin = ray.origin;
+    crossings.without = without;
+    if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(0.0f);
+    return straight_through(pass, ray, crossings);
+}
+#endif
 
 // What reaches an origin off its surface of the light.
 template <class Tracer> DEVICE float3 light_through_bodies(Pass<Tracer> &pass, float3 origin) {
     if ((pass.params.asks & ASKS_STRAIGHT) == 0u) return splat(pass.light_at(origin));
     Crossings crossings;
     crossings.stored = crossings.beyond = 0;
-    OF_SPHERES(crossings.origin = origin;)
+    OF_SPHERES(crossings.origin = origin; crossings.without = NO_TRIANGLE;)
     Ray ray = {origin, pass.to_light(), 0.0f, pass.light_end()};
     if (pass.tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return splat(in_shadow(pass.params));
-    return splat(in_shadow(pass.params)) + (1.0f - in_shadow(pass.params)) * straight_through(pass, crossings);
+    return splat(in_shadow(pass.params)) + (1.0f - in_shadow(pass.params)) * straight_through(pass, ray, crossings);
 }

@@ -64,26 +64,24 @@ for tracer in bvh optix; do
     done
     # `spheres` and `spheres_lights` are corrected fidelity for scenes with exact spheres, of glass as each material says.
     for set in spheres spheres_lights; do
-        [ "$tracer" = bvh ] || continue
         programs="deferredShadows reflection refraction ssao final" more=()
         [ "$set" = spheres_lights ] && programs="deferredShadows reflection refraction final" more=(-DCURITIBA_LIGHTS)
         mkdir -p "ptx/$tracer/$set"
         for program in $programs; do
             fidelity=corrected
             [ "$program" = refraction ] || [ "$program" = final ] && fidelity=bodies
-            compile "ptx/$tracer/$set/$program.ptx" -DCURITIBA_SPHERES "${more[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" \
+            compile "ptx/$tracer/$set/$program.ptx" "${extra[@]}" -DCURITIBA_SPHERES "${more[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" \
                 -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
         done
     done
     # `ways` and `ways_lights` follow paths through glass that is rough, bends colours apart or has a reflectance of its own, or that are cut
-    # off. Our own traversal knows exact spheres there; without any it asks for none.
+    # off. They know exact spheres, and in scenes without any ask for none.
     for set in ways ways_lights; do
-        more=() known=()
+        more=()
         [ "$set" = ways_lights ] && more=(-DCURITIBA_LIGHTS)
-        [ "$tracer" = bvh ] && known=(-DCURITIBA_SPHERES)
         mkdir -p "ptx/$tracer/$set"
         for program in refraction final; do
-            compile "ptx/$tracer/$set/$program.ptx" "${extra[@]}" -DCURITIBA_WAYS "${known[@]}" "${more[@]}" \
+            compile "ptx/$tracer/$set/$program.ptx" "${extra[@]}" -DCURITIBA_WAYS -DCURITIBA_SPHERES "${more[@]}" \
                 -DCURITIBA_PROGRAM="\"$program.cuh\"" -DCURITIBA_FIDELITY=bodies -DCURITIBA_BODIES "$tracer.cu"
         done
     done

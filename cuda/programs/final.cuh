@@ -7,6 +7,9 @@
 #ifdef CURITIBA_WAYS
 #include "ways.cuh"
 #endif
+#ifdef CURITIBA_SPHERES
+#include "focus.cuh"
+#endif
 #ifdef CURITIBA_LIGHTS
 #include "light_share.cuh"
 #endif
@@ -89,13 +92,14 @@ DEVICE bool keeps_color(const Params &params, float3 color, unsigned triangle) {
 #endif
 }
 
-// A colour times the light's share and ambient occlusion, but for colours that are kept. All threads of a warp call it
-// together, those that have no surface with black.
+// A colour times the light's share and ambient occlusion, but for colours that are kept. `focused` is the light that spheres add. All threads of
+// a warp call it together, those that have no surface with black.
 template <class Tracer>
 static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, unsigned triangle, const Surface &surface,
-                                              float3 lit_side, unsigned key) {
+                                              float3 lit_side, unsigned key OF_SPHERES(, float3 focused)) {
     bool kept = keeps_color(pass.params, color, triangle);
     Share light = kept ? share_of(0.0f) : light_share(pass, triangle, surface, lit_side);
+    OF_SPHERES(light = light + focused;)
     float open = pass.template occlusion<ACCEPT_STOPS>(!kept, surface, key);
     return kept ? color : color * light * open;
 }
@@ -157,6 +161,24 @@ struct PixelSurfaces {
         lit_side = end.surface.facing;
         triangle = end.hit.triangle;
     }
+#ifdef CURITIBA_SPHERES
+    // The light that spheres focus on the surface that was found, which has this colour.
+    template <class Tracer> DEVICE_MEMBER float3 focused(Pass<Tracer> &pass, float3 seen) const {
+        const Params &params = pass.params;
+        if (!(params.asks & ASKS_FOCUSED) || keeps_color(params, seen, triangle)) return splat(0.0f);
+        const Shade &shade = shade_of(params, triangle);
+        Lit lit;
+        lit.tint = shade.texture != NO_TEXTURE ? vector_of(shade.diffuse) : splat(1.0f);
+        if (glass) {
+            lit.normal = end.surface.normal;
+            lit.cosine = cosine_to(params, shade, end.hit, lit.normal, vector_of(params.to_light));
+        } else {
+            lit.normal = normalize_or(pass.normal(), lit_side);
+            lit.cosine = fmaxf(pass.position().w, 0.0f);
+        }
+        return (1.0f - SHADOWED) * focused_light(pass, end.surface.point, lit_side, lit);
+    }
+#endif
 };
 
 template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
@@ -168,9 +190,15 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         if (!pass.tracer.any(surfaces.here)) break;
         bool here = surfaces.here;
         const End &end = surfaces.end;
-        float3 color = here ? surfaces.color : splat(0.0f);
-        float weight = weigh(end, color);
-        float3 share = visible(pass, color, surfaces.triangle, end.surface, surfaces.lit_side, end.key);
+        // A thread without a surface, beside others of its warp that have one, has nothing in `end`.
+        float3 color = splat(0.0f);
+        float weight = 0.0f;
+        if (here) {
+            color = surfaces.color;
+            weight = weigh(end, color);
+        }
+        float3 share = visible(pass, color, surfaces.triangle, end.surface, surfaces.lit_side,
+                               end.key OF_SPHERES(, surfaces.focused(pass, color)));
         if (here) sum = surfaces.glass ? sum + weight * share : share;
         surfaces.here = false;
     }

@@ -1,7 +1,8 @@
 // `final` in corrected fidelity on our own traversal, as kernels one after the other: glass is followed to the surfaces that are
 // seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, one warp
 // looks at what is near 32 surfaces, several trace the rays that are left of their occlusion; then each pixel sums its own. So
-// threads do the same at the same time, whatever glass is seen, and each kernel has the registers that it needs.
+// threads do the same at the same time, whatever glass is seen, and each kernel has the registers that it needs. The light of several
+// lights, of discs and that which spheres focus is found when a surface is listed.
 //
 // A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
 #pragma once
@@ -41,8 +42,12 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
     while (true) {
         surfaces.advance(pass);
         if (!pass.tracer.any(surfaces.here)) break;
-        float3 color = surfaces.here ? surfaces.color : splat(0.0f);
-        float weight = weigh(surfaces.end, color);
+        float3 color = splat(0.0f);
+        float weight = 0.0f;
+        if (surfaces.here) {
+            color = surfaces.color;
+            weight = weigh(surfaces.end, color);
+        }
         // Black stays black, without a ray.
         bool wanted = surfaces.here && head != NO_ROOM && !is_black(color);
         surfaces.here = false;
@@ -81,9 +86,19 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
 #ifdef CURITIBA_LIGHTS
         // The light of several lights is found now.
         bool turned = false;
-        color = color * light_share(pass, surfaces.triangle, surface, surfaces.lit_side);
+        Share light = light_share(pass, surfaces.triangle, surface, surfaces.lit_side);
+        OF_SPHERES(light = light + surfaces.focused(pass, color);)
+        color = color * light;
 #else
         bool turned = is_turned(params, surfaces.triangle, surface.point, surfaces.lit_side, pass.to_light());
+#ifdef CURITIBA_SPHERES
+        // Where spheres focus light, all of the light is found now: what is left of it will be halved.
+        if (params.asks & ASKS_FOCUSED) {
+            Share light = light_share(pass, surfaces.triangle, surface, surfaces.lit_side) + surfaces.focused(pass, color);
+            color = color * light * (1.0f / SHADOWED);
+            turned = true;
+        } else
+#endif
         // Light on turned sides, which few have, is found now: what is left of it will be halved.
         if (turned) color = color * turned_share(pass, surfaces.triangle, surface, surfaces.lit_side) * (1.0f / SHADOWED);
 #endif

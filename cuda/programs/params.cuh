@@ -17,6 +17,7 @@ constexpr unsigned SHADE_NORMAL_MAP = 32u;
 constexpr unsigned SHADE_SKY = 64u;
 constexpr unsigned ASKS_STRAIGHT = 1u;
 constexpr unsigned ASKS_EYE = 2u;
+constexpr unsigned ASKS_FOCUSED = 4u;
 constexpr unsigned SHAPE_OPAQUE = 0u;
 constexpr unsigned SHAPE_PANE = 1u;
 constexpr unsigned SHAPE_THIN = 2u;
@@ -63,6 +64,9 @@ constexpr unsigned RAY_COUNT_KINDS = 6u;
 constexpr unsigned EXCEPTION_SLOT = 6144u;
 constexpr unsigned RAY_TYPES = 2u;
 constexpr unsigned PAYLOADS = 6u;
+constexpr unsigned CELLS = 64u;
+constexpr unsigned POINTS = 8u;
+constexpr unsigned POINTS_AT_AXIS = 32u;
 constexpr float AMBIENT = 3e-1f;
 constexpr float SHADOWED = 5e-1f;
 constexpr float ROUND = 8.5e-1f;
@@ -101,6 +105,7 @@ constexpr float OFFSET_REACH = 5e-1f;
 constexpr float OFFSET_MARGIN = 3.2e1f;
 constexpr float SPHERE_OFFSET = 4e0f;
 constexpr double DEVICE_SHARPEST = 1e-6;
+constexpr double LENS_WIDTH = 1e-3;
 
 struct Shade {
     float diffuse[3];
@@ -254,6 +259,58 @@ static_assert(offsetof(Spheres, first) == 20, "Spheres::first");
 static_assert(offsetof(Spheres, low) == 24, "Spheres::low");
 static_assert(offsetof(Spheres, high) == 36, "Spheres::high");
 
+struct Turned {
+    double sin;
+    double cos;
+    double inner;
+    double direction[2];
+    double rate;
+};
+static_assert(sizeof(Turned) == 48, "Turned");
+static_assert(offsetof(Turned, sin) == 0, "Turned::sin");
+static_assert(offsetof(Turned, cos) == 8, "Turned::cos");
+static_assert(offsetof(Turned, inner) == 16, "Turned::inner");
+static_assert(offsetof(Turned, direction) == 24, "Turned::direction");
+static_assert(offsetof(Turned, rate) == 40, "Turned::rate");
+
+struct Lens {
+    float center[3];
+    float radius;
+    float index;
+    unsigned id;
+    unsigned material;
+    unsigned node;
+};
+static_assert(sizeof(Lens) == 32, "Lens");
+static_assert(offsetof(Lens, center) == 0, "Lens::center");
+static_assert(offsetof(Lens, radius) == 12, "Lens::radius");
+static_assert(offsetof(Lens, index) == 16, "Lens::index");
+static_assert(offsetof(Lens, id) == 20, "Lens::id");
+static_assert(offsetof(Lens, material) == 24, "Lens::material");
+static_assert(offsetof(Lens, node) == 28, "Lens::node");
+
+struct Lenses {
+    const Lens * list;
+    const Turned * nodes;
+    const double2 * points;
+    const unsigned * by_sphere;
+    double axis[3];
+    double across[3];
+    double blur;
+    unsigned count;
+    unsigned unused;
+};
+static_assert(sizeof(Lenses) == 96, "Lenses");
+static_assert(offsetof(Lenses, list) == 0, "Lenses::list");
+static_assert(offsetof(Lenses, nodes) == 8, "Lenses::nodes");
+static_assert(offsetof(Lenses, points) == 16, "Lenses::points");
+static_assert(offsetof(Lenses, by_sphere) == 24, "Lenses::by_sphere");
+static_assert(offsetof(Lenses, axis) == 32, "Lenses::axis");
+static_assert(offsetof(Lenses, across) == 56, "Lenses::across");
+static_assert(offsetof(Lenses, blur) == 80, "Lenses::blur");
+static_assert(offsetof(Lenses, count) == 88, "Lenses::count");
+static_assert(offsetof(Lenses, unused) == 92, "Lenses::unused");
+
 struct TextureInfo {
     unsigned long long first;
     unsigned width;
@@ -341,8 +398,10 @@ struct Params {
     float disc_height;
     const Params * sky;
     unsigned long long sky_handle;
+    const Spheres * spheres;
+    const Lenses * lenses;
 };
-static_assert(sizeof(Params) == 480, "Params");
+static_assert(sizeof(Params) == 496, "Params");
 static_assert(offsetof(Params, position) == 0, "Params::position");
 static_assert(offsetof(Params, normal) == 8, "Params::normal");
 static_assert(offsetof(Params, color) == 16, "Params::color");
@@ -411,3 +470,5 @@ static_assert(offsetof(Params, disc_samples) == 456, "Params::disc_samples");
 static_assert(offsetof(Params, disc_height) == 460, "Params::disc_height");
 static_assert(offsetof(Params, sky) == 464, "Params::sky");
 static_assert(offsetof(Params, sky_handle) == 472, "Params::sky_handle");
+static_assert(offsetof(Params, spheres) == 480, "Params::spheres");
+static_assert(offsetof(Params, lenses) == 488, "Params::lenses");

@@ -65,9 +65,8 @@ template <class Tracer> struct Pass {
     __device__ __forceinline__ float3 eye() const { return vec3(params.eye[0], params.eye[1], params.eye[2]); }
 #ifdef CURITIBA_LIGHTS
     __device__ __forceinline__ float3 to_light() const { return light_direction; }
-    // Where rays to the light end, and the length of the way that is left to it.
+    // Where rays to the light end.
     __device__ __forceinline__ float light_end() const { return light_length; }
-    __device__ __forceinline__ float way_left(float gone) const { return light_length - gone; }
     // By which normal the next surface is shaded whose light is asked for.
     __device__ __forceinline__ void shaded_as_seen(float3 normal, unsigned key) {
         shading.normal = normal;
@@ -82,7 +81,6 @@ template <class Tracer> struct Pass {
         return vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
     }
     __device__ __forceinline__ float light_end() const { return INFINITY; }
-    __device__ __forceinline__ float way_left(float) const { return INFINITY; }
     // With one light a surface's colour says by which normal it is shaded.
     __device__ __forceinline__ void shaded_as_seen(float3, unsigned) {}
     __device__ __forceinline__ void shaded_as_met(const Hit &, const Surface &, unsigned) {}

@@ -149,16 +149,13 @@ DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv, 
     return sample_numbers(params, texture, uv, footprint, params.decoded);
 }
 
-// The exact spheres of a scene (`spheres.cuh`); null where there are none that a ray could meet.
-DEVICE const Spheres *spheres_of(const Params &params) { return (const Spheres *)params.handle; }
 // Whether an id is that of a sphere, which follow those of the triangles.
 DEVICE bool is_sphere(const Params &params, unsigned id) {
-    const Spheres *spheres = spheres_of(params);
-    return spheres != nullptr && id >= spheres->first;
+    return params.spheres != nullptr && id >= params.spheres->first;
 }
 DEVICE const Sphere &sphere_of(const Params &params, unsigned id) {
-    const Spheres *spheres = spheres_of(params);
-    return spheres->list[spheres->list[id - spheres->first].place];
+    const Spheres &spheres = *params.spheres;
+    return spheres.list[spheres.list[id - spheres.first].place];
 }
 
 #ifdef CURITIBA_SPHERES
@@ -284,8 +281,9 @@ DEVICE bool is_before(Crossing a, Crossing b) { return a < b; }
 struct Crossings {
     Crossing met[MAX_CROSSINGS];
     unsigned stored, beyond;
-    // Where the ray starts: which side of a sphere it crosses is seen by the point that it meets.
-    OF_SPHERES(float3 origin;)
+    // Where the ray starts: which side of a sphere it crosses is seen by the point that it meets. With ASKS_FOCUSED, the id of a sphere that
+    // the ray does not meet.
+    OF_SPHERES(float3 origin; unsigned without;)
 };
 DEVICE void add_crossing(Crossings &crossings, const Hit &hit) {
     if (crossings.stored == MAX_CROSSINGS) {
@@ -307,6 +305,16 @@ DEVICE unsigned distinct(const Crossings &crossings) {
     return count;
 }
 
+#ifdef CURITIBA_SPHERES
+// Whether it is a sphere through which no light goes straight on to `to`, because the sphere focuses it.
+DEVICE bool focuses(const Params &params, unsigned id, float3 to) {
+    if (!is_sphere(params, id) || __ldg(params.lenses->by_sphere + (id - params.spheres->first)) == 0u) return false;
+    const Sphere &sphere = sphere_of(params, id);
+    float3 from = vector_of(sphere.center) - to;
+    return dot(from, from) > sphere.radius * sphere.radius;
+}
+#endif
+
 DEVICE bool accepts(const Params &params, Accept accept, const Hit &hit, Crossings *crossings) {
     switch (accept) {
     case ACCEPT_ALL: return true;
@@ -314,6 +322,10 @@ DEVICE bool accepts(const Params &params, Accept accept, const Hit &hit, Crossin
     case ACCEPT_STOPS: return !passes_light(params, hit.triangle) && covers(params, hit);
     case ACCEPT_OPAQUE: return !passes_light(params, hit.triangle);
     default:
+        OF_SPHERES(if (params.asks & ASKS_FOCUSED) {
+            if (hit.triangle == crossings->without) return false;
+            if (focuses(params, hit.triangle, crossings->origin)) return true;
+        })
         if (!covers(params, hit)) return false;
         if (!passes_light(params, hit.triangle)) return true;
         add_crossing(*crossings, hit);

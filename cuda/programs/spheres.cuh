@@ -148,10 +148,12 @@ template <class Each> DEVICE void visit_spheres(const Spheres &spheres, const Ra
     }
 }
 
+// The searches trace no ray of OptiX, so they are functions there too, and a program has each of them once.
+
 // The nearest accepted hit on a sphere; of several at one distance, the one of the lowest id. NO_TRIANGLE if there is none.
-template <Accept ACCEPT> static __device__ OUTLINED Hit closest_sphere(const Params &params, Ray ray) {
+template <Accept ACCEPT> static __device__ __noinline__ Hit closest_sphere(const Params &params, Ray ray) {
     Hit best = {ray.t_max, NO_TRIANGLE, 0.0f, 0.0f};
-    const Spheres *spheres = spheres_of(params);
+    const Spheres *spheres = params.spheres;
     if (spheres == nullptr) return best;
     float limit = ray.t_max;
     visit_spheres(*spheres, ray, limit, [&](const Sphere &sphere, float low, float high) {
@@ -169,9 +171,17 @@ template <Accept ACCEPT> static __device__ OUTLINED Hit closest_sphere(const Par
     return best;
 }
 
+// Completes what a ray met of the triangles by the spheres: `best` where `met` is true. Whether the ray met anything.
+template <Accept ACCEPT> DEVICE bool with_spheres(const Params &params, const Ray &ray, bool met, Hit &best) {
+    Hit sphere = closest_sphere<ACCEPT>(params, {ray.origin, ray.direction, ray.t_min, met ? best.t : ray.t_max});
+    if (sphere.triangle == NO_TRIANGLE) return met;
+    best = sphere;
+    return true;
+}
+
 // Whether there is any accepted hit on a sphere.
-template <Accept ACCEPT> static __device__ OUTLINED bool occluded_by_sphere(const Params &params, Ray ray, Crossings *crossings) {
-    const Spheres *spheres = spheres_of(params);
+template <Accept ACCEPT> static __device__ __noinline__ bool occluded_by_sphere(const Params &params, Ray ray, Crossings *crossings) {
+    const Spheres *spheres = params.spheres;
     if (spheres == nullptr) return false;
     float limit = ray.t_max;
     bool blocked = false;
@@ -188,8 +198,8 @@ template <Accept ACCEPT> static __device__ OUTLINED bool occluded_by_sphere(cons
 
 // Whether a ray of this length may meet a sphere, whatever its direction. Errs on the side of true: the margin is above what the ray's own
 // length and the roots of a sphere err by (16 u times the distance of its centre).
-static __device__ OUTLINED bool is_near_sphere(const Params &params, float3 origin, float length) {
-    const Spheres *spheres = spheres_of(params);
+static __device__ __noinline__ bool is_near_sphere(const Params &params, float3 origin, float length) {
+    const Spheres *spheres = params.spheres;
     if (spheres == nullptr || spheres->node_count == 0) return false;
     float3 pad = sphere_padding(*spheres, origin);
     float reach = length * 1.001f + 2.0f * fmaxf(fmaxf(pad.x, pad.y), pad.z);

@@ -207,13 +207,7 @@ struct Bvh {
             }
             return false;
         });
-#ifdef CURITIBA_SPHERES
-        Hit sphere = closest_sphere<ACCEPT>(params, {ray.origin, ray.direction, ray.t_min, any ? best.t : ray.t_max});
-        if (sphere.triangle != NO_TRIANGLE) {
-            best = sphere;
-            any = true;
-        }
-#endif
+        OF_SPHERES(any = with_spheres<ACCEPT>(params, ray, any, best);)
         return any;
     }
 

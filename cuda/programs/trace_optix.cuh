@@ -86,15 +86,18 @@ DEVICE void trace(unsigned long long handle, const Ray &ray, RayType type, unsig
                  :);
 }
 
-// Which hits count is not asked by the ray (`Accept`) but decided by the programs of the materials.
+// Which hits on triangles count is not asked by the ray (`Accept`) but decided by the programs of the materials. OptiX's structures hold
+// triangles alone: exact spheres are searched after it, as on our own traversal (`spheres.cuh`).
 struct Optix {
     const Params &params;
 
-    template <Accept> __device__ __forceinline__ bool closest(const Ray &ray, Hit &hit) const {
+    template <Accept ACCEPT> __device__ __forceinline__ bool closest(const Ray &ray, Hit &hit) const {
         unsigned p[PAYLOADS] = {NO_TRIANGLE, 0, 0, 0, 0, 0};
         trace(params.handle, ray, RADIANCE, 0, p);
         hit = {__uint_as_float(p[1]), p[0], __uint_as_float(p[2]), __uint_as_float(p[3])};
-        return p[0] != NO_TRIANGLE;
+        bool any = p[0] != NO_TRIANGLE;
+        OF_SPHERES(any = with_spheres<ACCEPT>(params, ray, any, hit);)
+        return any;
     }
     __device__ __forceinline__ bool has_sky() const { return params.sky_handle != 0; }
     template <Accept> __device__ __forceinline__ bool closest_on_sky(const Ray &ray, Hit &hit) const {
@@ -106,12 +109,14 @@ struct Optix {
         hit = {t, p[0], __uint_as_float(p[2]), __uint_as_float(p[3])};
         return true;
     }
-    template <Accept> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
+    template <Accept ACCEPT> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
         unsigned long long where = (unsigned long long)crossings;
         unsigned p[PAYLOADS] = {0, 0, 0, 0, (unsigned)where, (unsigned)(where >> 32)};
         // Nothing but the miss program writes the answer, and where something stopped the ray it does not run.
         trace(params.handle, ray, SHADOW, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
-        return p[0] != NO_TRIANGLE;
+        bool blocked = p[0] != NO_TRIANGLE;
+        OF_SPHERES(blocked = blocked || occluded_by_sphere<ACCEPT>(params, ray, crossings);)
+        return blocked;
     }
     template <Accept ACCEPT, class Rays>
     DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {

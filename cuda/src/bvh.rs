@@ -6,7 +6,7 @@ use crate::layout::{
 };
 use crate::nodes::WideNode;
 use crate::one_gpu::DeviceTracer;
-use crate::programs;
+use crate::programs::{self, Key};
 use crate::scene::SceneBuffers;
 use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
@@ -67,7 +67,7 @@ const SETTLES_SURFACES: Stage = Stage { entry: "settle_surfaces", dealt: Dealt::
 const TRACES_SURFACES: Stage =
     Stage { entry: "trace_surfaces", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true };
 
-fn stages(program: RayProgram, variant: Variant, lighting: Lighting) -> &'static [Stage] {
+fn stages(Key { program, variant, lighting, .. }: Key) -> &'static [Stage] {
     match (program, variant) {
         (_, Variant::Panes(Fidelity::Thesis)) => &[],
         (RayProgram::Ssao, _) => &OF_OCCLUSION,
@@ -106,11 +106,7 @@ const BLOCKS: u32 = 32;
 /// The kernels of a program in one variant.
 #[derive(Debug)]
 struct Kernel {
-    program: RayProgram,
-    variant: Variant,
-    lighting: Lighting,
-    /// Whether the kernels support exact spheres.
-    spheres: bool,
+    key: Key,
     /// Kernel that finds the bodies that contain the camera; `None` in variants without bodies.
     find_eye: Option<CudaFunction>,
     /// Kernels that run before the one that writes the picture.
@@ -179,19 +175,6 @@ pub struct BvhTracer {
     room: Option<u64>,
 }
 
-/// Whether the scene of a job has exact spheres, which need separate programs.
-fn has_spheres(job: &RayJob<'_>) -> bool {
-    !job.scene.geometry.spheres.is_empty()
-}
-
-impl Kernel {
-    /// Whether these are the kernels of a job.
-    fn is_of(&self, job: &RayJob<'_>) -> bool {
-        let of_job = (job.program, Variant::of(job), Lighting::of(job), has_spheres(job));
-        (self.program, self.variant, self.lighting, self.spheres) == of_job
-    }
-}
-
 impl BvhTracer {
     /// Limits the list of surfaces of `final` to `room` entries, rounded up to whole warps, whatever the size of the picture. Pictures do not
     /// depend on the limit: pixels whose surfaces find no room are computed without the list.
@@ -217,7 +200,7 @@ impl BvhTracer {
     fn fill_sky(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let Some(sky) = &self.sky else { return Ok(()) };
         // No exact sphere is part of a sky, so the address of the spheres is 0.
-        let mut own = Params { sky: 0, handle: 0, ..*params };
+        let mut own = Params { sky: 0, spheres: 0, ..*params };
         sky.fill(device, &mut own);
         device.replace("the parameters of the sky", &mut self.params_of_sky, &[own])?;
         params.sky = self.params_of_sky.address(device);
@@ -290,7 +273,6 @@ fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) 
 
 impl DeviceTracer for BvhTracer {
     const NAME: &'static str = "cuda";
-    const SPHERES: bool = true;
     /// About 115 on the device, plus about 500 on the host during the build, for obvhs's tree, its collapse and the copy.
     const BYTES_PER_TRIANGLE: u64 = 610;
 
@@ -328,8 +310,8 @@ impl DeviceTracer for BvhTracer {
         })
     }
 
-    fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
-        programs::on_bvh(program, variant, lighting)
+    fn program(key: Key) -> Option<&'static str> {
+        programs::on_bvh(key)
     }
 
     fn clear(&mut self) {
@@ -344,25 +326,18 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, variant, lighting, spheres) =
-            (job.program, Variant::of(job), Lighting::of(job), has_spheres(job));
-        let info = program.info();
-        if self.kernels.iter().any(|kernel| kernel.is_of(job)) {
+        let (key, info) = (Key::of(job), job.program.info());
+        if self.kernels.iter().any(|kernel| kernel.key == key) {
             return Ok(());
         }
-        let text = if spheres {
-            programs::with_spheres(program, variant, lighting)
-        } else {
-            Self::program(program, variant, lighting)
-        };
-        let text = text.ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let text = Self::program(key).ok_or_else(|| programs::not_written(Self::NAME, job.program))?;
         let loaded = device.context().load_module(Ptx::from_src(text));
         let kernel = loaded.and_then(|module| {
             let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
-            let find_eye = variant.knows_bodies().then(|| module.load_function("find_eye")).transpose()?;
-            let stages = stages(program, variant, lighting).iter().map(load).collect::<Result<_, DriverError>>()?;
+            let find_eye = key.variant.knows_bodies().then(|| module.load_function("find_eye")).transpose()?;
+            let stages = stages(key).iter().map(load).collect::<Result<_, DriverError>>()?;
             let function = module.load_function(info.entry)?;
-            Ok(Kernel { program, variant, lighting, spheres, find_eye, stages, function })
+            Ok(Kernel { key, find_eye, stages, function })
         });
         let failed = |error| device.fault(&format!("loading the kernels of `{}`", info.stem), &error);
         self.kernels.push(kernel.map_err(failed)?);
@@ -373,7 +348,8 @@ impl DeviceTracer for BvhTracer {
         self.fill(device, params);
         params.listed = self.listed(params.radius);
         self.fill_sky(device, params)?;
-        let index = self.kernels.iter().position(|kernel| kernel.is_of(job)).expect("loaded before");
+        let key = Key::of(job);
+        let index = self.kernels.iter().position(|kernel| kernel.key == key).expect("loaded before");
         let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
         if let Some(find_eye) = self.kernels[index].find_eye.as_ref().filter(|_| params.asks & ASKS_EYE != 0) {
             return start(device, find_eye, Dealt::Once, params).map_err(failed);

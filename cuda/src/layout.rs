@@ -204,6 +204,58 @@ shared_structs! {
         high: [f32; 3] = "float[3]",
     }
 
+    /// A ray that has passed a sphere of glass of radius 1: `Turned` of the processor.
+    struct Turned {
+        /// Sine of the angle of incidence.
+        sin: f64 = "double",
+        /// Cosine of the angle of incidence.
+        cos: f64 = "double",
+        /// Cosine of the angle of refraction, inside the sphere.
+        inner: f64 = "double",
+        /// Direction in which the ray leaves: away from the axis, and along it.
+        direction: [f64; 2] = "double[2]",
+        /// Derivative of the ray's turn by the angle of incidence.
+        rate: f64 = "double",
+    }
+
+    /// A sphere that focuses light.
+    struct Lens {
+        /// Centre in the world, relative to the scene's origin.
+        center: [f32; 3] = "float[3]",
+        /// Radius.
+        radius: f32 = "float",
+        /// Index of refraction.
+        index: f32 = "float",
+        /// Id of the sphere.
+        id: u32 = "unsigned",
+        /// Material of the sphere.
+        material: u32 = "unsigned",
+        /// Index in [`Lenses::nodes`] of the first ray that has this index of refraction.
+        node: u32 = "unsigned",
+    }
+
+    /// The spheres that focus the light of a pass.
+    struct Lenses {
+        /// The spheres.
+        list: Address = "const Lens *",
+        /// For each index of refraction, rays of equally spaced angles of incidence from 0 to a right angle: one more than there are steps.
+        nodes: Address = "const Turned *",
+        /// Points and weights of two quadratures, first the one with fewer points.
+        points: Address = "const double2 *",
+        /// For each exact sphere of the scene, in the order of their ids: 1 if it focuses light, else 0.
+        by_sphere: Address = "const unsigned *",
+        /// Unit direction in which the light travels.
+        axis: [f64; 3] = "double[3]",
+        /// A unit vector across `axis`.
+        across: [f64; 3] = "double[3]",
+        /// Half the width of the light's disc at the distance 1; 0 for a point.
+        blur: f64 = "double",
+        /// Number of spheres in `list`.
+        count: u32 = "unsigned",
+        /// Fills the struct up to its alignment.
+        unused: u32 = "unsigned",
+    }
+
     /// Level 0 of a texture; where there are other levels, they follow it.
     struct TextureInfo {
         /// Index of the texture's first texel in [`Params::texels`].
@@ -280,8 +332,7 @@ shared_structs! {
         settled: Address = "uint4 *",
         /// Number of surfaces for which `surfaces` has room.
         capacity: u64 = "unsigned long long",
-        /// Handle of the acceleration structure that OptiX built. On our own traversal, in scenes with exact spheres, the address of
-        /// [`Spheres`].
+        /// Handle of the acceleration structure that OptiX built.
         handle: Address = "unsigned long long",
         /// Glass data of each material, where materials define their glass; 0 where all glass is panes.
         bodies: Address = "const Body *",
@@ -327,7 +378,7 @@ shared_structs! {
         scene_high: [f32; 3] = "float[3]",
         /// Colour of rays that leave the scene after glass or a mirror.
         beyond: [f32; 3] = "float[3]",
-        /// Flags: [`ASKS_STRAIGHT`], [`ASKS_EYE`].
+        /// Flags: [`ASKS_STRAIGHT`], [`ASKS_EYE`], [`ASKS_FOCUSED`].
         asks: u32 = "unsigned",
         /// 1: Schlick's approximation for glass; 0: Fresnel's equations.
         schlick: u32 = "unsigned",
@@ -365,6 +416,10 @@ shared_structs! {
         sky: Address = "const Params *",
         /// Handle of the acceleration structure that OptiX built of a sky; 0 without one.
         sky_handle: Address = "unsigned long long",
+        /// The exact spheres of the scene; 0 where there are none.
+        spheres: Address = "const Spheres *",
+        /// With [`ASKS_FOCUSED`]: the spheres that focus light.
+        lenses: Address = "const Lenses *",
     }
 }
 
@@ -399,6 +454,15 @@ unsafe impl DeviceRepr for SphereNode {}
 #[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
 // SAFETY: as above.
 unsafe impl DeviceRepr for Spheres {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Turned {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Lens {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Lenses {}
 
 /// The light has a position.
 pub const LIGHT_PLACE: u32 = 1;
@@ -422,6 +486,8 @@ pub const SHADE_SKY: u32 = 64;
 pub const ASKS_STRAIGHT: u32 = 1;
 /// The launch is a single thread, which finds the bodies that the camera is in.
 pub const ASKS_EYE: u32 = 2;
+/// Spheres focus light on surfaces.
+pub const ASKS_FOCUSED: u32 = 4;
 /// Not glass.
 pub const SHAPE_OPAQUE: u32 = 0;
 /// The report's plane that represents a whole pane.
@@ -501,6 +567,7 @@ pub fn header() -> String {
         ("SHADE_SKY", SHADE_SKY),
         ("ASKS_STRAIGHT", ASKS_STRAIGHT),
         ("ASKS_EYE", ASKS_EYE),
+        ("ASKS_FOCUSED", ASKS_FOCUSED),
         ("SHAPE_OPAQUE", SHAPE_OPAQUE),
         ("SHAPE_PANE", SHAPE_PANE),
         ("SHAPE_THIN", SHAPE_THIN),
@@ -547,6 +614,9 @@ pub fn header() -> String {
         ("EXCEPTION_SLOT", EXCEPTION_SLOT),
         ("RAY_TYPES", RAY_TYPES),
         ("PAYLOADS", PAYLOADS),
+        ("CELLS", effects::CELLS as u32),
+        ("POINTS", effects::POINTS as u32),
+        ("POINTS_AT_AXIS", effects::POINTS_AT_AXIS as u32),
     ];
     for (name, value) in integers {
         writeln!(text, "constexpr unsigned {name} = {value}u;").expect("strings grow");
@@ -571,7 +641,9 @@ pub fn header() -> String {
     for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()).chain(SPHERE_BOUNDS) {
         writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");
     }
-    writeln!(text, "constexpr double DEVICE_SHARPEST = {:e};", gpu_tree::DEVICE_SHARPEST).expect("strings grow");
+    for (name, value) in [("DEVICE_SHARPEST", gpu_tree::DEVICE_SHARPEST), ("LENS_WIDTH", effects::LENS_WIDTH)] {
+        writeln!(text, "constexpr double {name} = {value:e};").expect("strings grow");
+    }
     text + &structs()
 }
 

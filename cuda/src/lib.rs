@@ -9,7 +9,9 @@
 pub mod bvh;
 pub mod device;
 pub mod fault;
+mod images;
 pub mod layout;
+pub mod lenses;
 pub mod multi_gpu;
 mod nodes;
 pub mod one_gpu;

@@ -7,14 +7,15 @@
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
 use crate::one_gpu::{DeviceTracer, OneGpu};
+use crate::programs::Key;
 use crate::stripes::{Stripe, launches, pixels_of_launch};
 use crate::{peers, programs, shared_gbuffer};
-use curitiba_passes::cpu::check;
+use curitiba_passes::cpu::{FindsLenses, check};
 use curitiba_passes::effects::Lighting;
-use curitiba_passes::effects::dielectric::{Variant, check_focused};
+use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::Dielectric;
+use curitiba_pipeline::glass::{Dielectric, first_target};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
@@ -38,6 +39,10 @@ pub struct DeviceRays<T> {
     gpus: Vec<OneGpu<T>>,
     /// Index of the GPU that has the shared G-buffer, if there is one.
     owner: usize,
+    /// Finds the spheres of the scene that focus light.
+    lenses: FindsLenses,
+    /// Argument of the last [`RayBackend::build`].
+    filtered: Vec<bool>,
 }
 
 impl<T: DeviceTracer> DeviceRays<T> {
@@ -57,7 +62,8 @@ impl<T: DeviceTracer> DeviceRays<T> {
         let ordinals = if ordinals.is_empty() { &[0] } else { ordinals };
         let several = ordinals.len() > 1;
         let open = |ordinal: &usize| OneGpu::new(Device::on(T::NAME, *ordinal, several)?);
-        Ok(Self { gpus: ordinals.iter().map(open).collect::<Result<_, _>>()?, owner: 0 })
+        let gpus = ordinals.iter().map(open).collect::<Result<_, _>>()?;
+        Ok(Self { gpus, owner: 0, lenses: FindsLenses::default(), filtered: Vec::new() })
     }
 
     /// Index of the first GPU with that UUID, on which the rasteriser draws; `None` if no GPU here has it.
@@ -147,19 +153,15 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
-        match T::program(program, Variant::Panes(fidelity), Lighting::Sun) {
+        let key = Key { program, variant: Variant::Panes(fidelity), lighting: Lighting::Sun, spheres: false };
+        match T::program(key) {
             Some(_) => Ok(()),
             None => Err(programs::not_written(T::NAME, program)),
         }
     }
 
-    fn supports_glass(
-        &self,
-        _: RayProgram,
-        params: &RayParams,
-        dielectrics: &[Dielectric],
-    ) -> Result<(), BackendError> {
-        check_focused(T::NAME, params, dielectrics)
+    fn supports_glass(&self, _: RayProgram, _: &RayParams, _: &[Dielectric]) -> Result<(), BackendError> {
+        Ok(())
     }
 
     fn traces_cones(&self) -> bool {
@@ -179,11 +181,12 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn traces_spheres(&self) -> bool {
-        T::SPHERES
+        true
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
+        (self.lenses, self.filtered) = (FindsLenses::default(), filtered.to_vec());
         let prepared = T::prepare(scene, filtered);
         let shares = vec![(); self.gpus.len()];
         let built = self.on_each(shares, |gpu, ()| gpu.build(scene, filtered, &prepared))?;
@@ -219,6 +222,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if output.pixels.is_empty() {
             return Ok(RayStats::default());
         }
+        let lenses = self.lenses.of(T::NAME, job, &self.filtered)?;
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
         let pixels = pixels_of_launch(job);
         progress.start(shares.iter().map(|share| launches(share, job.width, pixels).len() as u64).sum());
@@ -231,7 +235,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             if share.is_empty() {
                 return Ok(RayStats::default());
             }
-            gpu.run(job, &mut share, lent.as_ref().filter(|_| index != owner), progress)
+            gpu.run((job, &lenses), &mut share, lent.as_ref().filter(|_| index != owner), progress)
         })?;
         Ok(together(&parts))
     }
@@ -239,12 +243,13 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
         check::buffers(T::NAME, job)?;
         check_job::<T>(job)?;
+        let lenses = self.lenses.of(T::NAME, job, &self.filtered)?;
         let [gpu] = self.gpus.as_mut_slice() else {
             return Err(check::missing(T::NAME, job, "the picture of several GPUs does not lie on one of them"));
         };
         let mut whole = [Stripe { first_row: 0, rows: job.height, pixels: &mut [] }];
         progress.start(launches(&whole, job.width, pixels_of_launch(job)).len() as u64);
-        gpu.run_in_place(job, &mut whole, progress)
+        gpu.run_in_place((job, &lenses), &mut whole, progress)
     }
 }
 
@@ -254,10 +259,13 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
         return Err(check::missing(T::NAME, job, "it traces whole pictures, and this is a part; use --backend cpu"));
     }
     if job.program != RayProgram::Dummy {
-        check::scene(T::NAME, job, T::SPHERES)?;
+        check::scene(T::NAME, job, true)?;
         check::filter(T::NAME, job)?;
         check::adaptive(T::NAME, job)?;
-        check_focused(T::NAME, &job.params, job.dielectrics)?;
+        let photons = job.program.photons(&job.params);
+        if let Some(target) = first_target(job.scene, job.dielectrics).filter(|_| photons > 0) {
+            return Err(BackendError::no_photons(T::NAME, job.program.info().stem, photons, target));
+        }
     }
     Ok(())
 }
@@ -268,8 +276,8 @@ mod tests {
     use crate::bvh::BvhTracer;
     use crate::optix::OptixTracer;
     use curitiba_pipeline::backend::{PixelCone, RayCounts, Shade, Sun};
-    use curitiba_pipeline::glass::GlassShadow;
-    use curitiba_pipeline::scene::{Geometry, Material, Sphere};
+    use curitiba_pipeline::glass::{GlassRule, GlassShadow, Shape};
+    use curitiba_pipeline::scene::{Batch, Geometry, Material, Sphere};
     use glam::Vec3;
     use std::time::Duration;
 
@@ -306,23 +314,48 @@ mod tests {
     }
 
     #[test]
-    fn exact_spheres_are_for_our_own_traversal_in_corrected_fidelity() {
+    fn both_tracers_know_exact_spheres_in_corrected_fidelity() {
         for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Ssao, RayProgram::Final] {
             of_a_sphere(program, Fidelity::Corrected, |job| {
                 check_job::<BvhTracer>(job).expect("cuda knows them");
-                let refused = check_job::<OptixTracer>(job).expect_err("optix does not").to_string();
-                assert!(refused.contains("optix") && refused.contains("exact spheres"), "{refused}");
-                let focused = RayParams { shadow: GlassShadow::Caustic, ..job.params };
-                let glass = [Dielectric::default()];
-                let refused = check_job::<BvhTracer>(&RayJob { params: focused, dielectrics: &glass, ..*job });
-                let refused = refused.expect_err("spheres that focus light").to_string();
-                assert!(refused.contains("shadow=caustic"), "{refused}");
+                check_job::<OptixTracer>(job).expect("optix knows them");
             });
             of_a_sphere(program, Fidelity::Thesis, |job| {
-                let refused = check_job::<BvhTracer>(job).expect_err("the report has triangles").to_string();
-                assert!(refused.contains("exact spheres") && refused.contains("corrected"), "{refused}");
+                for (name, checked) in [("cuda", check_job::<BvhTracer>(job)), ("optix", check_job::<OptixTracer>(job))]
+                {
+                    let refused = checked.expect_err("the report has triangles").to_string();
+                    assert!(
+                        ["exact spheres", "corrected", name].iter().all(|word| refused.contains(word)),
+                        "{refused}"
+                    );
+                }
             });
         }
+    }
+
+    #[test]
+    fn photons_at_meshes_are_refused_by_name_and_spheres_alone_are_not() {
+        of_a_sphere(RayProgram::Final, Fidelity::Corrected, |job| {
+            let params =
+                RayParams { glass: GlassRule::Auto, shadow: GlassShadow::Caustic, photons: 5000, ..job.params };
+            let glass = [Dielectric { shape: Shape::Solid, index: 1.5, ..Dielectric::default() }];
+            let asked = RayJob { params, dielectrics: &glass, ..*job };
+            check_job::<BvhTracer>(&asked).expect("no mesh is shot at");
+            check_job::<OptixTracer>(&asked).expect("no mesh is shot at");
+            let mut scene = job.scene.clone();
+            scene.geometry.batches.push(Batch { material: 0, first: 0, count: 1 });
+            scene.geometry.triangles.push([0; 3]);
+            let meshes = RayJob { scene: &scene, ..asked };
+            for (name, checked) in
+                [("cuda", check_job::<BvhTracer>(&meshes)), ("optix", check_job::<OptixTracer>(&meshes))]
+            {
+                let refused = checked.expect_err("there is a mesh of glass").to_string();
+                let words = [name, "photons=5000", "material `", "photons=0"];
+                assert!(words.iter().all(|word| refused.contains(word)), "{refused}");
+            }
+            check_job::<BvhTracer>(&RayJob { params: RayParams { photons: 0, ..params }, ..meshes })
+                .expect("none are shot");
+        });
     }
 
     #[test]

@@ -1,23 +1,26 @@
 //! The ray programs on one GPU, with any tracer. [`crate::multi_gpu`] makes a backend from one or several of these.
 
-use crate::device::{Address, Buffer, Device};
+use crate::device::{Address, Device};
+use crate::images::Images;
 use crate::layout::{
-    ASKS_EYE, ASKS_STRAIGHT, BLOCK_HEIGHT, Body, EXCEPTION_SLOT, MAX_DEPTH, MEDIA_BYTES, Params, RAY_COUNT_KINDS,
-    REACHES, THROUGH_GLASS_ENTRIES, Ways,
+    ASKS_EYE, ASKS_FOCUSED, ASKS_STRAIGHT, BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, MEDIA_BYTES, Params,
+    RAY_COUNT_KINDS, REACHES, THROUGH_GLASS_ENTRIES,
 };
+use crate::lenses::LensTables;
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
+use crate::programs::Key;
 use crate::scene::{SceneBuffers, bodies, emissions, lights, shades};
 use crate::shared_gbuffer::Joined;
 use crate::sobol_table::table;
 use crate::staging::Staging;
 use crate::stripes::{Launch, Stripe, launches, pixels_of_launch};
 use crate::ways::WayTables;
+use cudarc::driver::CudaEvent;
 use cudarc::driver::sys::CUevent_flags;
-use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
-use curitiba_passes::effects::dielectric::Variant;
-use curitiba_passes::effects::{LightTable, Lighting, Preparation};
+use curitiba_passes::effects::dielectric::{Lenses, Variant};
+use curitiba_passes::effects::{LightTable, Preparation};
 use curitiba_passes::sampling::HemisphereSampler;
 use curitiba_passes::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, PixelCone, RayCounts, RayJob, RayStats};
@@ -34,8 +37,6 @@ use std::time::{Duration, Instant};
 pub trait DeviceTracer: Sized + Send {
     /// Name of the tracer: `cuda` or `optix`.
     const NAME: &'static str;
-    /// Whether its programs support exact spheres.
-    const SPHERES: bool;
     /// Approximate host and device memory that a triangle takes, in the structure and during its build together, in bytes.
     const BYTES_PER_TRIANGLE: u64;
     /// What the processor computes from a scene, once for all GPUs.
@@ -47,8 +48,8 @@ pub trait DeviceTracer: Sized + Send {
     /// # Errors
     /// If something is missing; the message says what, and what to do.
     fn new(device: &Device) -> Result<Self, BackendError>;
-    /// The device program of a ray program; `None` if there is none and the pass must run on another backend.
-    fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str>;
+    /// The device programs of a key; `None` if there are none and the pass must run on another backend.
+    fn program(key: Key) -> Option<&'static str>;
     /// Details of the tracer in addition to the device's name; may be empty.
     fn description(&self) -> String;
     /// Builds the structure. The caller has released the previous one with [`Self::clear`].
@@ -91,101 +92,6 @@ fn stopped(program: RayProgram, code: i64) -> String {
     };
     let stem = program.info().stem;
     format!("running `{stem}`: OptiX stopped it with exception {code}: {meaning}; please report it, with the project")
-}
-
-/// Images and tables in device memory, kept from one pass to the next.
-#[derive(Debug, Default)]
-struct Images {
-    position: Buffer<f32>,
-    normal: Buffer<f32>,
-    color: Buffer<f32>,
-    triangle: Buffer<u32>,
-    output: Buffer<f32>,
-    counts: Buffer<u64>,
-    sobol: Table<u32>,
-    open_share: Table<f32>,
-    through_glass: Table<f32>,
-    shades: Table<crate::layout::Shade>,
-    bodies: Table<Body>,
-    around_eye: Buffer<u32>,
-    faces: Table<crate::layout::Face>,
-    /// Strata of the spectrum.
-    strata: Table<f32>,
-    /// Points from which microfacets are sampled.
-    facets: Table<u32>,
-    ways: Table<Ways>,
-    lights: Table<crate::layout::Light>,
-    emissions: Table<f32>,
-    /// Points from which directions to the discs of lights are sampled.
-    disc: Table<u32>,
-}
-
-impl Images {
-    /// Size in bytes of device memory.
-    fn bytes(&self) -> u64 {
-        let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
-        let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
-        let lights = self.lights.buffer.bytes() + self.emissions.buffer.bytes() + self.disc.buffer.bytes();
-        let materials = self.shades.buffer.bytes() + self.bodies.buffer.bytes();
-        let ways = self.faces.buffer.bytes()
-            + self.strata.buffer.bytes()
-            + self.facets.buffer.bytes()
-            + self.ways.buffer.bytes();
-        let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights, ways];
-        [&attachments[..], &tables, &others].concat().iter().sum()
-    }
-}
-
-impl Images {
-    /// Copies the parameters and tables for paths in glass that split or are cut off.
-    fn set_ways(&mut self, device: &Device, tables: WayTables) -> Result<(), BackendError> {
-        let WayTables { faces, strata, facets, ways } = tables;
-        self.faces.set(device, "the surfaces of glass", faces)?;
-        if !strata.is_empty() {
-            self.strata.set(device, "the parts of the spectrum", strata)?;
-        }
-        if !facets.is_empty() {
-            self.facets.set(device, "the points of microfacets", facets)?;
-        }
-        let (faces, strata, facets) =
-            (self.faces.address(device), self.strata.address(device), self.facets.address(device));
-        self.ways.set(device, "what is asked of paths in glass", vec![Ways { faces, strata, facets, ..ways }])
-    }
-}
-
-/// Values that rarely change between passes; they are copied to the device only when they change.
-#[derive(Debug)]
-pub(crate) struct Table<T> {
-    values: Vec<T>,
-    buffer: Buffer<T>,
-}
-
-impl<T> Default for Table<T> {
-    fn default() -> Self {
-        Self { values: Vec::new(), buffer: Buffer::default() }
-    }
-}
-
-impl<T: DeviceRepr + PartialEq> Table<T> {
-    /// Address of the values; see [`Buffer::address`].
-    pub fn address(&self, device: &Device) -> Address {
-        self.buffer.address(device)
-    }
-
-    /// Number of values.
-    pub fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    pub fn set(&mut self, device: &Device, what: &str, values: Vec<T>) -> Result<(), BackendError> {
-        if self.values != values {
-            // After a failure the table is empty, so that no later pass takes old values for its own.
-            self.values.clear();
-            device.replace(what, &mut self.buffer, &values)?;
-            self.values = values;
-        }
-        Ok(())
-    }
 }
 
 /// One GPU with its own copy of scene and structure.
@@ -307,7 +213,13 @@ impl<T: DeviceTracer> OneGpu<T> {
 
     /// Copies a pass's tables to the device, and fills in the launch parameters. Kernels write the picture to the address `picture`; for `None`,
     /// to a buffer of this GPU.
-    fn describe(&mut self, job: &RayJob<'_>, copied: bool, picture: Option<Address>) -> Result<Params, BackendError> {
+    fn describe(
+        &mut self,
+        job: &RayJob<'_>,
+        lenses: &Lenses,
+        copied: bool,
+        picture: Option<Address>,
+    ) -> Result<Params, BackendError> {
         let [position, normal, color, triangle] = self.gbuffer(job, copied)?;
         let (device, images) = (&self.device, &mut self.images);
         if picture.is_none() {
@@ -344,7 +256,13 @@ impl<T: DeviceTracer> OneGpu<T> {
         if !job.dielectrics.is_empty() {
             images.bodies.set(device, "the glass", bodies(job))?;
         }
-        let falls_straight = !job.dielectrics.is_empty() && job.params.shadow == GlassShadow::Straight;
+        let falls_straight =
+            !job.dielectrics.is_empty() && matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
+        let focuses = !lenses.is_empty();
+        if let Some(tables) = LensTables::of(job, lenses) {
+            images.lenses.set(device, tables)?;
+        }
+        let asks = if falls_straight { ASKS_STRAIGHT } else { 0 } | if focuses { ASKS_FOCUSED } else { 0 };
         if has_bodies {
             device.clear("what the camera is in", &mut images.around_eye, MEDIA_BYTES as usize / size_of::<u32>())?;
         }
@@ -407,7 +325,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             scene_low: [0.0; 3],
             scene_high: [0.0; 3],
             beyond: job.beyond.to_array(),
-            asks: if falls_straight { ASKS_STRAIGHT } else { 0 },
+            asks,
             schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
             listed: [0; REACHES as usize - 1],
             cone_width: cone.width,
@@ -425,6 +343,8 @@ impl<T: DeviceTracer> OneGpu<T> {
             disc_height: disc.as_ref().map_or(0.0, ConeSampler::height),
             sky: 0,
             sky_handle: 0,
+            spheres: 0,
+            lenses: if focuses { images.lenses.described.address(device) } else { 0 },
         })
     }
 
@@ -512,16 +432,16 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.tracer.clear();
     }
 
-    /// Runs a pass, which must have been checked, over some of its rows. A shared G-buffer is this GPU's own, or `lent` by another. After
-    /// an error, no pixel is valid.
+    /// Runs a pass, which must have been checked, over some of its rows; `lenses` are the spheres that focus its light. A shared G-buffer is
+    /// this GPU's own, or `lent` by another. After an error, no pixel is valid.
     pub fn run(
         &mut self,
-        job: &RayJob<'_>,
+        (job, lenses): (&RayJob<'_>, &Lenses),
         stripes: &mut [Stripe<'_>],
         lent: Option<&Lent>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
-        let stats = self.launched(job, stripes, lent, None, progress)?;
+        let stats = self.launched((job, lenses), stripes, lent, None, progress)?;
         let start = Instant::now();
         if let Some(picture) = &self.images.output.0 {
             let parts = stripes.iter_mut().map(|stripe| {
@@ -538,7 +458,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// then signalled.
     pub fn run_in_place(
         &mut self,
-        job: &RayJob<'_>,
+        (job, lenses): (&RayJob<'_>, &Lenses),
         stripes: &mut [Stripe<'_>],
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
@@ -546,7 +466,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let Some(picture) = room else {
             return Err(check::missing(T::NAME, job, "the shared memory has no room for its picture"));
         };
-        let stats = self.launched(job, stripes, None, Some(picture), progress)?;
+        let stats = self.launched((job, lenses), stripes, None, Some(picture), progress)?;
         if let Some((joined, value)) = self.shared(job)? {
             joined.signal(&self.device, after_picture(value))?;
         }
@@ -556,7 +476,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// Starts the launches of a pass and waits for them. The result does not contain the ray counts yet.
     fn launched(
         &mut self,
-        job: &RayJob<'_>,
+        (job, lenses): (&RayJob<'_>, &Lenses),
         stripes: &[Stripe<'_>],
         lent: Option<&Lent>,
         picture: Option<Address>,
@@ -567,7 +487,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let mut upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
         let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
         let copied = upload.is_some() || borrowed.is_some();
-        let mut params = self.describe(job, copied, picture)?;
+        let mut params = self.describe(job, lenses, copied, picture)?;
         let is_built = |scene: &Arc<RenderScene>| std::ptr::eq(&raw const **scene, job.scene);
         if job.texture_lod() == TextureLod::Cones
             && let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| is_built(scene))

@@ -2,7 +2,7 @@
 
 use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
-use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
 macro_rules! text {
@@ -39,23 +39,26 @@ macro_rules! bodies {
 }
 macro_rules! spheres {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs for scenes with exact spheres, on our own traversal. They exist in corrected fidelity only, with glass as
-        /// defined by each material.
-        const SPHERES: &[(RayProgram, &str)] = &[$((RayProgram::$program, text!("bvh/spheres/", $stem))),*];
+        /// PTX of the programs for scenes with exact spheres: on our own traversal and on OptiX. They exist in corrected fidelity only, with
+        /// glass as defined by each material.
+        const SPHERES: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
+            text!("bvh/spheres/", $stem), text!("optix/spheres/", $stem),
+        ])),*];
     };
 }
 macro_rules! spheres_in_lights {
     ($($program:ident $stem:literal),* $(,)?) => {
         /// PTX of the programs for exact spheres together with several lights, lights with a position and disc lights.
-        const SPHERES_IN_LIGHTS: &[(RayProgram, &str)] =
-            &[$((RayProgram::$program, text!("bvh/spheres_lights/", $stem))),*];
+        const SPHERES_IN_LIGHTS: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
+            text!("bvh/spheres_lights/", $stem), text!("optix/spheres_lights/", $stem),
+        ])),*];
     };
 }
 macro_rules! ways {
     ($($program:ident $stem:literal),* $(,)?) => {
         /// PTX of the programs for glass that is rough, has dispersion or has its own reflectance, and for paths in glass that are cut
-        /// off: `[lighting][tracer]`. Lighting is one directional light without a disc, or any other lights. Tracers are our own traversal, with
-        /// exact spheres, and OptiX.
+        /// off: `[lighting][tracer]`. Lighting is one directional light without a disc, or any other lights. Tracers are our own traversal and
+        /// OptiX, both with exact spheres.
         const WAYS: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
             [text!("bvh/ways/", $stem), text!("optix/ways/", $stem)],
             [text!("bvh/ways_lights/", $stem), text!("optix/ways_lights/", $stem)],
@@ -98,15 +101,44 @@ table! {
     Final "final",
 }
 
-fn text(program: RayProgram, tracer: usize, variant: Variant, lighting: Lighting) -> Option<&'static str> {
+/// What decides which programs a job runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Key {
+    /// The ray program.
+    pub program: RayProgram,
+    /// The fidelity, and the glass that the program supports.
+    pub variant: Variant,
+    /// The lights that the program supports.
+    pub lighting: Lighting,
+    /// Whether the program supports exact spheres, for a scene that has any.
+    pub spheres: bool,
+}
+
+impl Key {
+    /// The key of a job's programs. Programs that serve scenes with and without spheres have one key.
+    #[must_use]
+    pub fn of(job: &RayJob<'_>) -> Self {
+        let (program, variant, lighting) = (job.program, Variant::of(job), Lighting::of(job));
+        let serves_all = program == RayProgram::Dummy || variant == Variant::Ways;
+        let spheres = !serves_all && !job.scene.geometry.spheres.is_empty();
+        Self { program, variant, lighting, spheres }
+    }
+}
+
+fn text(Key { program, variant, lighting, spheres }: Key, tracer: usize) -> Option<&'static str> {
     let of = |table: &[(RayProgram, [&'static str; 2])]| {
         table.iter().find(|(own, _)| *own == program).map(|(_, texts)| texts[tracer])
     };
+    // `dummy` traces no ray, and the programs of `WAYS` support spheres.
+    let spheres = spheres && program != RayProgram::Dummy;
     match (variant, lighting) {
         (Variant::Ways, _) => {
             let (_, texts) = WAYS.iter().find(|(own, _)| *own == program)?;
             Some(texts[usize::from(lighting == Lighting::Lights)][tracer])
         }
+        (Variant::Panes(Fidelity::Thesis), _) if spheres => None,
+        (_, Lighting::Sun) if spheres => of(SPHERES),
+        (_, Lighting::Lights) if spheres => of(SPHERES_IN_LIGHTS),
         (Variant::Panes(Fidelity::Thesis), Lighting::Lights) => None,
         (_, Lighting::Lights) => of(LIGHTS),
         (Variant::Panes(fidelity), Lighting::Sun) => {
@@ -118,30 +150,17 @@ fn text(program: RayProgram, tracer: usize, variant: Variant, lighting: Lighting
 }
 
 /// A program on our own traversal: a module whose kernel has the name of the ray-generation program. `None` if the program exists only in
-/// Rust, or not in this variant with this lighting.
+/// Rust, or not in this variant with this lighting. In thesis fidelity only `dummy` exists for scenes with exact spheres.
 #[must_use]
-pub fn on_bvh(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
-    text(program, 0, variant, lighting)
-}
-
-/// As [`on_bvh`], for scenes with exact spheres. `None` also in thesis fidelity, except for `dummy`, which traces no rays.
-#[must_use]
-pub fn with_spheres(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
-    let of =
-        |table: &[(RayProgram, &'static str)]| table.iter().find(|(own, _)| *own == program).map(|(_, text)| *text);
-    match (variant, lighting) {
-        _ if program == RayProgram::Dummy || variant == Variant::Ways => on_bvh(program, variant, lighting),
-        (Variant::Panes(Fidelity::Thesis), _) => None,
-        (_, Lighting::Sun) => of(SPHERES),
-        (_, Lighting::Lights) => of(SPHERES_IN_LIGHTS),
-    }
+pub fn on_bvh(key: Key) -> Option<&'static str> {
+    text(key, 0)
 }
 
 /// A program on OptiX: all entries that a project may name, such as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
-/// fidelities have the same names. `None` if the program exists only in Rust, or not in this variant with this lighting.
+/// fidelities have the same names. `None` as in [`on_bvh`].
 #[must_use]
-pub fn on_optix(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
-    text(program, 1, variant, lighting)
+pub fn on_optix(key: Key) -> Option<&'static str> {
+    text(key, 1)
 }
 
 /// The kernel that traces segments between triangles on our own traversal: `segments`.
@@ -179,6 +198,13 @@ mod tests {
         (Variant::Bodies, Lighting::Lights),
         (Variant::Ways, Lighting::Lights),
     ];
+    type Written = fn(Key) -> Option<&'static str>;
+    const TRACERS: [(&str, Written); 2] = [("bvh", on_bvh), ("optix", on_optix)];
+
+    /// The key of a program for scenes without exact spheres.
+    fn key(program: RayProgram, (variant, lighting): (Variant, Lighting)) -> Key {
+        Key { program, variant, lighting, spheres: false }
+    }
 
     #[test]
     fn those_that_know_bodies_are_those_that_are_asked_for_them() {
@@ -189,7 +215,7 @@ mod tests {
     #[test]
     fn those_that_know_lights_are_those_that_read_one() {
         for info in RAY_PROGRAMS.iter().filter(|info| !info.starts_at_camera()) {
-            let known = on_bvh(info.program, PANES[0], Lighting::Lights).is_some();
+            let known = on_bvh(key(info.program, (PANES[0], Lighting::Lights))).is_some();
             assert_eq!(known, info.globals.contains(&"lightDir"), "{}", info.stem);
         }
     }
@@ -217,58 +243,47 @@ mod tests {
     fn the_compiled_programs_are_made_from_the_sources() {
         let first_line = format!("// curitiba sources {}", hash_of_sources());
         for info in RAY_PROGRAMS {
-            for (variant, lighting) in VARIANTS {
-                let texts = [on_bvh(info.program, variant, lighting), on_optix(info.program, variant, lighting)];
-                for (tracer, text) in ["bvh", "optix"].into_iter().zip(texts) {
-                    let Some(text) = text else { continue };
-                    assert_eq!(
-                        text.lines().next(),
-                        Some(first_line.as_str()),
-                        "ptx/{tracer}/{variant:?}/{lighting:?}/{}.ptx is older than its sources: run cuda/programs/build.sh",
-                        info.stem
-                    );
+            for (kind, spheres) in VARIANTS.into_iter().flat_map(|kind| [false, true].map(|spheres| (kind, spheres))) {
+                let key = Key { spheres, ..key(info.program, kind) };
+                for (tracer, written) in TRACERS {
+                    let Some(text) = written(key) else { continue };
+                    let found = text.lines().next();
+                    assert_eq!(found, Some(first_line.as_str()), "{tracer}, {key:?}: run cuda/programs/build.sh");
                 }
             }
         }
         for text in [segments_on_bvh(), segments_on_optix()] {
             assert_eq!(text.lines().next(), Some(first_line.as_str()), "segments.ptx: run cuda/programs/build.sh");
         }
-        for (program, text) in SPHERES.iter().chain(SPHERES_IN_LIGHTS) {
-            let stem = program.info().stem;
-            assert_eq!(text.lines().next(), Some(first_line.as_str()), "spheres, {stem}: run cuda/programs/build.sh");
-        }
     }
 
     #[test]
-    fn scenes_with_spheres_have_the_kernels_of_scenes_without_and_others_know_no_sphere() {
-        for info in RAY_PROGRAMS {
-            for (variant, lighting) in VARIANTS {
-                let without = on_bvh(info.program, variant, lighting);
-                let of_triangles = variant == PANES[1] && info.program != RayProgram::Dummy;
-                let Some(text) = with_spheres(info.program, variant, lighting) else {
-                    assert!(without.is_none() || of_triangles, "{} {variant:?} {lighting:?}", info.stem);
-                    continue;
-                };
-                // With spheres there are only programs with glass as defined by each material.
-                let of = |variant| on_bvh(info.program, variant, lighting);
-                let of_glass = of(Variant::Bodies).or(of(PANES[0])).expect("written");
-                let entries = |text: &str| {
-                    let named = |line: &str| line.contains(".entry ").then(|| line.to_owned());
-                    text.lines().filter_map(named).collect::<Vec<_>>()
-                };
-                assert_eq!(entries(text), entries(of_glass), "{} {variant:?} {lighting:?}", info.stem);
-                if info.program != RayProgram::Dummy {
-                    assert!(text.contains("by_sphere") || text.contains("closest_sphere"), "{}", info.stem);
-                    assert!(!text.contains(".ftz.f32") && text.contains(".target sm_75"), "{}", info.stem);
-                }
-                // The programs of `WAYS` support spheres, and so serve scenes with and without them.
-                let is_for_all = variant == Variant::Ways && without == Some(text);
-                assert!(
-                    is_for_all || without.is_none_or(|text| !text.contains("_sphere")),
-                    "{} knows spheres",
-                    info.stem
-                );
+    fn scenes_with_spheres_have_the_entries_of_scenes_without_and_others_know_no_sphere() {
+        let all = RAY_PROGRAMS.iter().flat_map(|info| VARIANTS.map(|kind| (info, kind)));
+        for ((info, kind), (tracer, written)) in all.flat_map(|each| TRACERS.map(|tracer| (each, tracer))) {
+            let key = key(info.program, kind);
+            let without = written(key);
+            let of_triangles = key.variant == PANES[1] && info.program != RayProgram::Dummy;
+            let Some(text) = written(Key { spheres: true, ..key }) else {
+                assert!(without.is_none() || of_triangles, "{tracer}, {key:?}");
+                continue;
+            };
+            // With spheres there are only programs with glass as defined by each material.
+            let of = |variant| written(Key { variant, ..key });
+            let of_glass = of(Variant::Bodies).or(of(PANES[0])).expect("written");
+            let entries = |text: &str| {
+                let named = |line: &str| line.contains(".entry ").then(|| line.to_owned());
+                text.lines().filter_map(named).collect::<Vec<_>>()
+            };
+            assert_eq!(entries(text), entries(of_glass), "{tracer}, {key:?}");
+            if info.program != RayProgram::Dummy {
+                assert!(text.contains("by_sphere") || text.contains("closest_sphere"), "{tracer}, {key:?}");
+                assert!(!text.contains(".ftz.f32") && text.contains(".target sm_75"), "{tracer}, {key:?}");
             }
+            // The programs of `WAYS` support spheres, and so serve scenes with and without them.
+            let is_for_all = key.variant == Variant::Ways && without == Some(text);
+            let knows = without.is_some_and(|text| text.contains("_sphere"));
+            assert!(is_for_all || !knows, "{tracer}, {key:?}: knows spheres");
         }
     }
 
@@ -294,15 +309,13 @@ mod tests {
     fn every_module_has_all_programs_for_every_gpu_since_turing() {
         for info in RAY_PROGRAMS {
             if info.starts_at_camera() {
-                let has = |(variant, lighting)| {
-                    on_bvh(info.program, variant, lighting).or(on_optix(info.program, variant, lighting)).is_some()
-                };
+                let has = |kind| TRACERS.into_iter().any(|(_, written)| written(key(info.program, kind)).is_some());
                 assert!(!VARIANTS.into_iter().any(has), "{}: the processor's alone", info.stem);
                 continue;
             }
-            for (variant, lighting) in VARIANTS {
-                let texts = (on_bvh(info.program, variant, lighting), on_optix(info.program, variant, lighting));
-                let (Some(kernel), Some(module)) = texts else { continue };
+            for kind in VARIANTS {
+                let key = key(info.program, kind);
+                let (Some(kernel), Some(module)) = (on_bvh(key), on_optix(key)) else { continue };
                 assert!(kernel.contains(&format!(".entry {}(", info.entry)), "{}", info.stem);
                 for (kind, proc) in PROCS.iter().flat_map(|(kind, procs)| procs.iter().map(move |proc| (kind, proc))) {
                     assert!(
@@ -318,7 +331,7 @@ mod tests {
                     assert!(!text.contains(".ftz.f32"), "{}: denormals are kept, as on the processor", info.stem);
                 }
             }
-            let [corrected, thesis] = PANES.map(|variant| on_optix(info.program, variant, Lighting::Sun));
+            let [corrected, thesis] = PANES.map(|variant| on_optix(key(info.program, (variant, Lighting::Sun))));
             assert_eq!(corrected == thesis, info.program == RayProgram::Dummy, "{}", info.stem);
         }
     }
@@ -360,7 +373,7 @@ mod tests {
                     let info = info.unwrap_or_else(|| panic!("{}: {file}", path.display()));
                     let Some(entry) = entry(&kind, &proc) else { continue };
                     for variant in PANES {
-                        let module = on_optix(info.program, variant, Lighting::Sun)
+                        let module = on_optix(key(info.program, (variant, Lighting::Sun)))
                             .expect("projects name programs that OptiX has");
                         assert!(module.contains(&entry), "{}: {file} {kind} {proc}", path.display());
                     }

@@ -36,7 +36,7 @@ pub struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    /// Copies a scene to the device. `transparent` says by material whether the program must accept hits on exact spheres; `None` if rays hit
+    /// Copies a scene to the device. `transparent` says by material whether the program must decide on hits on exact spheres; `None` if rays hit
     /// no exact sphere.
     pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         let geometry = &scene.geometry;
@@ -78,7 +78,7 @@ impl SceneBuffers {
         params.tangents = self.tangents.address(device);
         params.triangles = self.triangles.address(device);
         params.materials = self.materials.address(device);
-        params.handle = self.spheres.address(device);
+        params.spheres = self.spheres.address(device);
         params.textures = self.textures.address(device);
         params.texels = self.texels.address(device);
         params.decoded = self.decoded.address(device);

@@ -49,7 +49,7 @@ impl Packed {
         Self { nodes, list, first, bounds }
     }
 
-    /// The struct at [`crate::layout::Params::handle`], with the nodes and the spheres at these addresses. If `traced` is false, rays hit no
+    /// The struct at [`crate::layout::Params::spheres`], with the nodes and the spheres at these addresses. If `traced` is false, rays hit no
     /// sphere.
     #[must_use]
     pub fn described(&self, nodes: Address, list: Address, traced: bool) -> Spheres {

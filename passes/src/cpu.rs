@@ -4,6 +4,9 @@ mod adaptive;
 pub mod check;
 mod filter;
 mod intersections;
+mod lenses;
+
+pub use lenses::FindsLenses;
 
 use crate::effects::{
     AlphaTested, Area, ByCones, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined,
@@ -186,19 +189,6 @@ impl RayBackend for CpuRays {
         self.filter = filter;
         traced
     }
-}
-
-/// The spheres that focus the light of a job. Which body a sphere lies in is found by tracing in `structure`, that of the job's scene.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] if the scene has too many spheres of glass, or the job asks for a number of samples that is not valid.
-#[cfg(feature = "wgpu")]
-pub(crate) fn lenses(structure: &Structure, job: &RayJob<'_>) -> Result<Lenses, BackendError> {
-    let job = RayJob { params: RayParams { photons: 0, ..job.params }, ..*job };
-    let Structure { triangles, spheres } = structure;
-    let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-    let tracer = WithSpheres { triangles, spheres };
-    Ok(new_pass(&job, &Erased::<true>::new(&tracer), coverage, None)?.lenses)
 }
 
 /// The structure of an empty scene.

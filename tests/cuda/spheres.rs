@@ -3,11 +3,12 @@
 use super::conformance::record_of;
 use super::lamps::add_lamps;
 use super::{project, there};
-use curitiba::conformance::Found;
+use curitiba::conformance::{Found, Record};
 use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::glass::{GlassRule, GlassShadow};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::project::{self, MaterialPattern, PassKind, Project};
+use curitiba::pipeline::scene::LoadOptions;
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
@@ -31,62 +32,116 @@ fn opaque(program: RayProgram) -> Project {
 const PROGRAMS: [RayProgram; 5] =
     [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Ssao, RayProgram::Final];
 
-#[test]
-fn exact_spheres_on_our_own_tracer_are_the_processors() {
-    let backend = BackendChoice::Cuda;
-    if there(Choice::CPU.traced_by(backend)).is_none() {
-        return;
-    }
-    let found = Arc::new(Mutex::new(Found::default()));
-    let run = |project: Project, name: &str, set: &[&str]| {
-        let set = set.iter().map(|one| (*one).to_owned()).collect();
-        record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
-    };
-    for name in ["glass/Spheres", "glass/Shells"] {
-        // Variants with one kernel and with several, and with texture lookups at level 0 and by ray cones.
-        for set in [
-            &["pass2.samples=0"][..],
-            &["pass2.samples=16"],
-            &["pass2.samples=2", "pass2.texturelod=cones", "pass2.fresnel=schlick"],
-            &["pass2.samples=9", "pass2.sun=4", "pass2.sunsamples=4"],
-        ] {
-            run(loaded(name), name, set);
-        }
-        let mut in_lights = loaded(name);
-        add_lamps(&mut in_lights, "MainCamera");
-        run(in_lights, name, &["pass2.samples=4"]);
-    }
+/// The spheres of a project, without its meshes.
+fn alone(mut project: Project) -> Project {
+    let decl = &mut project.scenes[0];
+    let mut scene = decl.load(&LoadOptions::default(), &|_| {}).expect("the scene loads");
+    scene.objects.clear();
+    scene.meshes.clear();
+    scene.files.clear();
+    decl.files.clear();
+    decl.shapes.clear();
+    decl.memory = Some(Arc::new(scene));
+    project
+}
+
+type Run = (Project, &'static str, &'static [&'static str]);
+
+/// The programs with spheres that are panes, mirrors and opaque, of all spheres and meshes or of what `part` leaves.
+fn programs(part: impl Fn(Project) -> Project) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
     for program in PROGRAMS {
-        let name = program.info().stem;
         let occlusion = matches!(program, RayProgram::Ssao | RayProgram::Final);
         // With few rays for each point, all of them are traced; with more rays, nearby geometry decides some of them without tracing.
-        let sets = if occlusion { &["pass2.samples=4", "pass2.samples=16", "pass2.samples=144"][..] } else { &[] };
-        for set in sets.chunks(1).chain((!occlusion).then_some(&[][..])) {
-            run(opaque(program), name, set);
-        }
+        let sets: &[&[&str]] = match occlusion {
+            true => &[&["pass2.samples=4"], &["pass2.samples=16"], &["pass2.samples=144"]],
+            false => &[&[]],
+        };
+        runs.extend(sets.iter().map(|set| (part(opaque(program)), program.info().stem, *set)));
     }
-    let found = found.lock().expect("no panic while it was held");
-    assert_eq!(found.records.len(), 2 * 5 + 3 + 2 * 3, "a pass did not run");
-    for record in &found.records {
+    runs
+}
+
+/// Runs the ray pass of each project with its settings; `None` without the backend. Pictures are within the limits.
+fn compared(backend: BackendChoice, runs: Vec<Run>) -> Option<Vec<Record>> {
+    there(Choice::CPU.traced_by(backend))?;
+    let found = Arc::new(Mutex::new(Found::default()));
+    let count = runs.len();
+    for (project, name, set) in runs {
+        let set = set.iter().map(|one| (*one).to_owned()).collect();
+        record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
+    }
+    let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
+    assert_eq!(records.len(), count, "a pass did not run");
+    for record in &records {
         let words = record.in_words();
         println!("{words}");
         assert!(record.within_limits, "farther off than it may be: {words}");
-        let cpu = record.cpu_rays.expect("the processor ran");
-        let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
-        assert_eq!(glass(record.rays), glass(cpu), "{words}");
-        // With glass as each material says, `final` on the processor also visits surfaces of no weight.
-        if !record.project.starts_with("glass/") {
-            let occlusion = |rays: RayCounts| rays.occlusion + rays.certain;
-            assert_eq!(occlusion(record.rays), occlusion(cpu), "{words}");
-        }
-        let compared = record.comparison.as_ref().expect("compared");
-        let exact = matches!(record.program, "ssao" | "deferredShadows");
-        assert!(!exact || compared.identical == compared.pixels, "not every bit: {words}");
     }
+    Some(records)
+}
+
+/// Asserts that there are as many rays as on the processor, and that pictures of shadows and occlusion have its bits.
+fn is_exact(record: &Record) {
+    let (words, cpu) = (record.in_words(), record.cpu_rays.expect("the processor ran"));
+    let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
+    assert_eq!(glass(record.rays), glass(cpu), "{words}");
+    // With `glass="auto"`, `final` on the processor also traces occlusion rays at surfaces that add nothing to the pixel.
+    if !record.project.starts_with("glass/") {
+        let occlusion = |rays: RayCounts| rays.occlusion + rays.certain;
+        assert_eq!(occlusion(record.rays), occlusion(cpu), "{words}");
+    }
+    let compared = record.comparison.as_ref().expect("compared");
+    let exact = matches!(record.program, "ssao" | "deferredShadows");
+    assert!(!exact || compared.identical == compared.pixels, "not every bit: {words}");
+}
+
+fn among_meshes(backend: BackendChoice) -> Option<Vec<Record>> {
+    let mut runs: Vec<Run> = Vec::new();
+    for name in ["glass/Spheres", "glass/Shells"] {
+        // Variants with one kernel and with several, and with texture lookups at level 0 and by ray cones.
+        let sets: [&[&str]; 4] = [
+            &["pass2.samples=0"],
+            &["pass2.samples=16"],
+            &["pass2.samples=2", "pass2.texturelod=cones", "pass2.fresnel=schlick"],
+            &["pass2.samples=9", "pass2.sun=4", "pass2.sunsamples=4"],
+        ];
+        runs.extend(sets.map(|set| (loaded(name), name, set)));
+        let mut in_lights = loaded(name);
+        add_lamps(&mut in_lights, "MainCamera");
+        runs.push((in_lights, name, &["pass2.samples=4"]));
+    }
+    runs.extend(programs(|project| project));
+    compared(backend, runs)
 }
 
 #[test]
-fn optix_refuses_exact_spheres_by_name() {
-    let Some(rays) = there(Choice::CPU.traced_by(BackendChoice::Optix)) else { return };
-    assert!(!rays.traces_spheres());
+fn exact_spheres_on_our_own_tracer_are_the_processors() {
+    among_meshes(BackendChoice::Cuda).iter().flatten().for_each(is_exact);
+}
+
+#[test]
+fn exact_spheres_on_optix_are_the_processors() {
+    for record in among_meshes(BackendChoice::Optix).iter().flatten() {
+        let glass = record.project.starts_with("glass/");
+        assert!(!glass || record.rays.refracted > 1000, "no glass is seen: {}", record.in_words());
+    }
+}
+
+/// Without triangles, whose test is OptiX's own, both tracers are exact.
+fn without_meshes(backend: BackendChoice) {
+    compared(backend, programs(alone)).iter().flatten().for_each(|record| {
+        assert_eq!(record.triangles, 0);
+        is_exact(record);
+    });
+}
+
+#[test]
+fn spheres_alone_on_our_own_tracer_are_the_processors() {
+    without_meshes(BackendChoice::Cuda);
+}
+
+#[test]
+fn spheres_alone_on_optix_are_the_processors() {
+    without_meshes(BackendChoice::Optix);
 }

@@ -111,13 +111,22 @@ fn rough_glass_on_optix_is_the_processors() {
     rough(BackendChoice::Optix);
 }
 
-#[test]
-fn exact_spheres_on_our_own_tracer_are_followed_by_cut_off_paths_as_the_processors() {
+fn spheres(backend: BackendChoice) {
     let sets: [&[&str]; 2] =
         [&["pass2.samples=0", "pass2.cutoff=0.02"], &["pass2.samples=9", "pass2.cutoff=0.05", "pass2.roulette=on"]];
     let names = ["glass/Spheres", "glass/Shells"];
     let runs = names.iter().flat_map(|name| sets.map(|set| (loaded(name), *name, set)));
-    agrees(BackendChoice::Cuda, runs.collect());
+    agrees(backend, runs.collect());
+}
+
+#[test]
+fn exact_spheres_on_our_own_tracer_are_followed_by_cut_off_paths_as_the_processors() {
+    spheres(BackendChoice::Cuda);
+}
+
+#[test]
+fn exact_spheres_on_optix_are_followed_by_cut_off_paths_as_the_processors() {
+    spheres(BackendChoice::Optix);
 }
 
 /// The balls, with reflectances and colours of their own.

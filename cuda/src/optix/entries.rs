@@ -123,7 +123,7 @@ pub fn records(headers: &Headers, job: &RayJob<'_>, materials: usize) -> Vec<u8>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::programs::on_optix;
+    use crate::programs::{Key, on_optix};
     use curitiba_passes::effects::Lighting;
     use curitiba_passes::effects::dielectric::Variant;
     use curitiba_pipeline::backend::{PixelCone, Shade};
@@ -141,10 +141,11 @@ mod tests {
         for info in RAY_PROGRAMS {
             let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
             let variants = panes.into_iter().chain([Variant::Bodies, Variant::Ways]);
-            let kinds =
+            let lit =
                 variants.flat_map(|variant| [Lighting::Sun, Lighting::Lights].map(|lighting| (variant, lighting)));
-            for (variant, lighting) in kinds {
-                let Some(ptx) = on_optix(info.program, variant, lighting) else { continue };
+            let kinds = lit.flat_map(|(variant, lighting)| [false, true].map(|spheres| (variant, lighting, spheres)));
+            for (variant, lighting, spheres) in kinds {
+                let Some(ptx) = on_optix(Key { program: info.program, variant, lighting, spheres }) else { continue };
                 for group in groups(info).iter().flatten() {
                     for name in names(group) {
                         assert!(ptx.contains(&format!(".entry {name}(")), "{}: {name}", info.stem);

@@ -4,14 +4,12 @@ use super::abi::{GEOMETRY_FLAG_DISABLE_ANYHIT, GEOMETRY_FLAG_NONE};
 use super::api::{Api, BuildSizes, Mesh, Pipeline};
 use super::entries;
 use crate::device::{Address, Buffer, Device};
+use crate::images::Table;
 use crate::layout::Params;
-use crate::one_gpu::{DeviceTracer, Table};
-use crate::programs;
+use crate::one_gpu::DeviceTracer;
+use crate::programs::{self, Key};
 use crate::scene::SceneBuffers;
-use curitiba_passes::effects::Lighting;
-use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
-use curitiba_pipeline::programs::RayProgram;
 use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
 use std::ops::Range;
 
@@ -40,18 +38,9 @@ struct Structure {
 /// A program, with the shader binding table of its last pass.
 #[derive(Debug)]
 struct Loaded {
-    program: RayProgram,
-    variant: Variant,
-    lighting: Lighting,
+    key: Key,
     pipeline: Pipeline,
     records: Table<u8>,
-}
-
-impl Loaded {
-    /// Whether this is the program of a job.
-    fn is_of(&self, job: &RayJob<'_>) -> bool {
-        (self.program, self.variant, self.lighting) == (job.program, Variant::of(job), Lighting::of(job))
-    }
 }
 
 fn wrong(message: String) -> BackendError {
@@ -136,7 +125,6 @@ impl OptixTracer {
 
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
-    const SPHERES: bool = false;
     /// An upper estimate of the device memory that OptiX takes while it builds. The sky's structure is built after the other one was compacted.
     /// Both stay within the estimate if the triangles from the sky's first to its last are at most half of the scene: calculated, not measured.
     const BYTES_PER_TRIANGLE: u64 = 250;
@@ -207,8 +195,8 @@ impl DeviceTracer for OptixTracer {
         Ok(BuildStats { bytes: self.ground.memory.bytes() + self.sky.memory.bytes(), nodes: 0 })
     }
 
-    fn program(program: RayProgram, variant: Variant, lighting: Lighting) -> Option<&'static str> {
-        programs::on_optix(program, variant, lighting)
+    fn program(key: Key) -> Option<&'static str> {
+        programs::on_optix(key)
     }
 
     fn clear(&mut self) {
@@ -221,17 +209,15 @@ impl DeviceTracer for OptixTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, variant, lighting) = (job.program, Variant::of(job), Lighting::of(job));
-        let info = program.info();
-        if !self.programs.iter().any(|loaded| loaded.is_of(job)) {
-            let text =
-                Self::program(program, variant, lighting).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let (key, info) = (Key::of(job), job.program.info());
+        if !self.programs.iter().any(|loaded| loaded.key == key) {
+            let text = Self::program(key).ok_or_else(|| programs::not_written(Self::NAME, job.program))?;
             let compiled = self.api.pipeline(&entries::groups(info), text);
             let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{}`", info.stem), why))?;
-            self.programs.push(Loaded { program, variant, lighting, pipeline, records: Table::default() });
+            self.programs.push(Loaded { key, pipeline, records: Table::default() });
         }
         let materials = self.materials;
-        let Some(loaded) = self.programs.iter_mut().find(|loaded| loaded.is_of(job)) else { return Ok(()) };
+        let Some(loaded) = self.programs.iter_mut().find(|loaded| loaded.key == key) else { return Ok(()) };
         let records = entries::records(&loaded.pipeline.headers, job, materials);
         loaded.records.set(device, "the records of the programs", records)
     }
@@ -240,7 +226,8 @@ impl DeviceTracer for OptixTracer {
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         (params.handle, params.sky_handle) = (self.ground.handle, self.sky.handle);
         let parameters = describe(device, &mut self.params, params)?;
-        let loaded = self.programs.iter().find(|loaded| loaded.is_of(job));
+        let key = Key::of(job);
+        let loaded = self.programs.iter().find(|loaded| loaded.key == key);
         let Loaded { pipeline, records, .. } = loaded.expect("loaded before");
         let stream = device.stream().cu_stream().cast();
         let records = (records.address(device), records.len());
@@ -341,7 +328,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (39 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4 + 4 * 4);
+        let (addresses, words) = (41 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4 + 2 * 4 + 4 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

@@ -9,11 +9,13 @@
 #define __noinline__
 
 using std::isfinite;
+using std::isnan;
 using std::signbit;
 
 struct float2 { float x, y; };
 struct float3 { float x, y, z; };
 struct alignas(16) float4 { float x, y, z, w; };
+struct alignas(16) double2 { double x, y; };
 struct double3 { double x, y, z; };
 struct uint2 { unsigned x, y; };
 struct uint3 { unsigned x, y, z; };
@@ -22,6 +24,7 @@ struct uchar4 { unsigned char x, y, z, w; };
 inline float2 make_float2(float x, float y) { return {x, y}; }
 inline float3 make_float3(float x, float y, float z) { return {x, y, z}; }
 inline float4 make_float4(float x, float y, float z, float w) { return {x, y, z, w}; }
+inline double2 make_double2(double x, double y) { return {x, y}; }
 inline double3 make_double3(double x, double y, double z) { return {x, y, z}; }
 inline uint2 make_uint2(unsigned x, unsigned y) { return {x, y}; }
 inline uint3 make_uint3(unsigned x, unsigned y, unsigned z) { return {x, y, z}; }

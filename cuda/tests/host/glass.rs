@@ -1,15 +1,17 @@
 //! `refraction` and `final` with glass as defined by each material: the source of the device programs, compiled for the host with a tracer
 //! that tests all triangles, compared with the processor's programs.
 
+use super::caustics::lens_words;
 use super::lights;
 use super::spheres::sphere_words;
 use super::{compiled_with, light_words, run, words};
-use curitiba_cuda::layout::NO_TEXTURE;
+use curitiba_cuda::layout::{ASKS_FOCUSED, ASKS_STRAIGHT, NO_TEXTURE};
+use curitiba_cuda::lenses::LensTables;
 use curitiba_cuda::scene::{emissions, lights, shades};
 use curitiba_cuda::sobol_table;
 use curitiba_cuda::spheres::Packed;
 use curitiba_cuda::ways::WayTables;
-use curitiba_passes::cpu;
+use curitiba_passes::cpu::{self, FindsLenses};
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::effects::{LightTable, Preparation, open_shares};
 use curitiba_passes::sampling::HemisphereSampler;
@@ -446,7 +448,7 @@ pub(crate) fn each_pixel_of(
         counts.iter_mut().zip(&found[3..]).for_each(|(count, found)| *count += u64::from(*found));
     }
     // Shadow rays of `final` are not compared. The processor traces some of a tile's rays to one light together first, and traces those through
-    // glass again; it also lights surfaces of no weight.
+    // glass again; it also lights surfaces that add nothing to the pixel.
     let shadow = if job.program == RayProgram::Final { counts[3] } else { rays.shadow };
     let expected = [rays.reflected, rays.refracted, rays.lost, shadow];
     counts.iter().zip(&expected).filter(|(a, b)| a != b).count()
@@ -486,7 +488,11 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     let sun = job.sun.unwrap_or(Sun { direction: Vec3::ZERO, color: Vec3::ZERO });
     input.extend([job.params.index.to_bits(), job.params.depth]);
     input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
-    input.push(u32::from(job.params.shadow == GlassShadow::Straight));
+    let transparent = vec![true; job.shades.len()];
+    let lenses = FindsLenses::default().of("host", job, &transparent).expect("few spheres");
+    let lenses = LensTables::of(job, &lenses);
+    let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
+    input.push(if straight { ASKS_STRAIGHT } else { 0 } | if lenses.is_some() { ASKS_FOCUSED } else { 0 });
     let asks = job.texture_lod() == TextureLod::Cones;
     input.extend([job.cone.width, job.cone.spread].map(|number| if asks { number.to_bits() } else { 0 }));
     input.extend(words([job.beyond, job.eye, -sun.direction, sun.color]));
@@ -520,10 +526,11 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
         input.extend(way_words(&WayTables::of(job)));
     }
     if !geometry.spheres.is_empty() {
-        input.extend(sphere_words(&Packed::of(geometry, &vec![true; job.shades.len()])));
+        input.extend(sphere_words(&Packed::of(geometry, &transparent)));
         input.push(geometry.spheres.len() as u32);
         input.extend(geometry.spheres.iter().map(|sphere| sphere.material));
     }
+    input.extend(lenses.iter().flat_map(lens_words));
     input
 }
 

@@ -4,6 +4,7 @@
 //! Each comparison has a negative control: with one constant of the header changed, it fails.
 
 mod batches;
+mod caustics;
 mod glass;
 mod lights;
 mod spheres;

@@ -24,7 +24,7 @@ static void put_met(const Params &params, const Ray &ray) {
 static void rays() {
     SpheresOfWords spheres;
     Params params = {};
-    params.handle = (unsigned long long)&spheres.described;
+    params.spheres = &spheres.described;
     while (place < input.size()) put_met(params, ray_of_words());
 }
 
@@ -32,7 +32,7 @@ static void rays() {
 static void near() {
     SpheresOfWords spheres;
     Params params = {};
-    params.handle = (unsigned long long)&spheres.described;
+    params.spheres = &spheres.described;
     while (place < input.size()) {
         float3 origin = vector();
         put((unsigned)is_near_sphere(params, origin, number()));
@@ -53,7 +53,7 @@ static void alone() {
         }
         Spheres spheres = {&node, &sphere, 1, 0, {node.low[0], node.low[1], node.low[2]}, {node.high[0], node.high[1], node.high[2]}};
         Params params = {};
-        params.handle = (unsigned long long)&spheres;
+        params.spheres = &spheres;
         Ray ray = ray_of_words();
         put_met(params, ray);
         SurfacePoint points[] = {on_sphere(sphere, ray.origin), met_on_sphere(sphere, ray.origin, ray.direction, number())};

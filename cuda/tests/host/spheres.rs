@@ -386,7 +386,7 @@ fn a_wrong_word_of_what_is_said_of_spheres_is_noticed() {
         (
             RayProgram::Refraction,
             "scene.cuh",
-            ["spheres->list[spheres->list[id - spheres->first].place]", "spheres->list[id - spheres->first]"],
+            ["spheres.list[spheres.list[id - spheres.first].place]", "spheres.list[id - spheres.first]"],
         ),
         // Spheres show what every material of the triangles shows.
         (

@@ -131,12 +131,12 @@ fn indices_and_reflectances_of_the_device_are_those_of_the_processor() {
 }
 
 /// Dispersion in the balls, the veiled box and the box that overlaps it.
-fn dispersing(scene: Scene) -> Scene {
+pub(crate) fn dispersing(scene: Scene) -> Scene {
     scene.of_glass(|material, what| what.spread = [0.0, 0.02, 0.01, 0.04][material % 4])
 }
 
 /// Rough bodies and walls; the roughness of some has a texture.
-fn frosted(scene: Scene) -> Scene {
+pub(crate) fn frosted(scene: Scene) -> Scene {
     scene.of_glass(|material, what| {
         what.alpha = [0.09, 0.0, 0.02, 0.3][material % 4];
         what.roughness_texture = (material % 4 == 0).then_some(0);
@@ -144,7 +144,7 @@ fn frosted(scene: Scene) -> Scene {
 }
 
 /// Reflectances and reflection colours that belong to each material.
-fn owned(scene: Scene) -> Scene {
+pub(crate) fn owned(scene: Scene) -> Scene {
     let curve = Reflectance { minimum: 0.1, maximum: 0.8, exponent: 3.0 };
     scene.of_glass(|material, what| {
         what.reflectance = (material % 3 != 0).then_some(curve);
@@ -165,14 +165,14 @@ const SOURCES: [(RayProgram, &str); 3] = [
 
 const EACH_COLOR: Divided = Divided { wavelengths: 5, ..WHOLE };
 const EACH_FACET: Divided = Divided { paths: 5, ..WHOLE };
-const BOTH: Divided = Divided { paths: 2, wavelengths: 3, ..WHOLE };
+pub(crate) const BOTH: Divided = Divided { paths: 2, wavelengths: 3, ..WHOLE };
 
 fn cut(limits: PathLimits) -> Divided {
     Divided { limits, ..WHOLE }
 }
 
 /// Limits that cut off no path: programs that follow ways are called, and follow all of them.
-fn uncut() -> Divided {
+pub(crate) fn uncut() -> Divided {
     cut(PathLimits { reflections: MOST_BOUNCES - 1, ..PathLimits::DEFAULT })
 }
 

@@ -13,6 +13,13 @@ static float3 vector() { float x = number(), y = number(), z = number(); return 
 [[maybe_unused]] static void put(float value) { put(__float_as_uint(value)); }
 [[maybe_unused]] static void put(float3 v) { put(v.x); put(v.y); put(v.z); }
 
+[[maybe_unused]] static double wide_number() {
+    unsigned words[2] = {word(), word()};
+    double value;
+    std::memcpy(&value, words, sizeof value);
+    return value;
+}
+
 [[maybe_unused]] static Light read_light() {
     Light light;
     unsigned words[sizeof light / sizeof(unsigned)];
@@ -80,6 +87,31 @@ struct SpheresOfWords {
         described.node_count = (unsigned)nodes.size();
         std::memcpy(described.low, nodes[0].low, sizeof described.low);
         std::memcpy(described.high, nodes[0].high, sizeof described.high);
+    }
+};
+
+// The spheres that focus light: the spheres, the rays of their indices, the points of the quadratures and which spheres they are; then numbers
+// that are the same for all.
+struct LensesOfWords {
+    std::vector<Lens> list;
+    std::vector<Turned> nodes;
+    std::vector<double2> points;
+    std::vector<unsigned> by_sphere;
+    Lenses described = {};
+
+    LensesOfWords() {
+        SpheresOfWords::read(list);
+        SpheresOfWords::read(nodes);
+        SpheresOfWords::read(points);
+        SpheresOfWords::read(by_sphere);
+        for (double &each : described.axis) each = wide_number();
+        for (double &each : described.across) each = wide_number();
+        described.blur = wide_number();
+        described.list = list.data();
+        described.nodes = nodes.data();
+        described.points = points.data();
+        described.by_sphere = by_sphere.data();
+        described.count = (unsigned)list.size();
     }
 };
 

@@ -222,7 +222,7 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(
     }
     let knows_all = geometry.spheres.is_empty() || spheres && job.fidelity == Fidelity::Corrected;
     if !knows_all {
-        let why = "the scene has exact spheres, and it knows triangles only; in corrected fidelity the cpu, wgpu and cuda know both";
+        let why = "the scene has exact spheres, and it knows triangles only; in corrected fidelity the cpu, wgpu, cuda and optix know both";
         return Err(missing(backend, job, why));
     }
     let known = geometry.surfaces();

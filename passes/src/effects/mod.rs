@@ -83,7 +83,7 @@ pub use workspace::Workspace;
 /// Constants that other implementations of the programs (in device languages) must share with these, beside the
 /// formulas.
 pub mod constants {
-    pub use super::dielectric::MOST_SURFACES;
+    pub use super::dielectric::{CELLS, LENS_WIDTH, MOST_SURFACES, POINTS, POINTS_AT_AXIS};
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::lights::BEFORE_LIGHT;
     pub use super::material::{AMBIENT, LEAST_SQUARE};

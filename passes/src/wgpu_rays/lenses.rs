@@ -1,55 +1,9 @@
 //! The exact spheres that focus the light of a pass, as programs read them (`programs/light_focused.wgsl`, `focus.wgsl` and `ball.wgsl`).
 
 use super::layout::{LENS_HEAD, LENS_WORDS, NODE_WORDS};
-use crate::cpu::{self, Structure};
-use crate::effects::dielectric::ball::{Ball, Turned};
-use crate::effects::dielectric::{Lenses, Variant, asks_for_lenses, light_axis, light_blur};
-use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::glass::{Dielectric, Shape};
-use curitiba_pipeline::progress::Progress;
-use curitiba_pipeline::scene::Geometry;
+use crate::effects::dielectric::{Ball, Lenses, Turned, light_axis, light_blur};
+use curitiba_pipeline::backend::RayJob;
 use glam::{DVec3, Vec3};
-
-/// Finds the spheres that focus light. A sphere may lie in a body of triangles. In scenes with such bodies the processor's tree is searched,
-/// which is built for the first job that needs it.
-#[derive(Default)]
-pub struct FindsLenses {
-    structure: Option<Structure>,
-}
-
-impl std::fmt::Debug for FindsLenses {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("FindsLenses").field("has_structure", &self.structure.is_some()).finish()
-    }
-}
-
-impl FindsLenses {
-    /// The spheres that focus the light of a job. `filtered` is the argument of the last
-    /// [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
-    ///
-    /// # Errors
-    /// [`BackendError::Unsupported`] if the scene has too many spheres of glass.
-    pub fn of(&mut self, job: &RayJob<'_>, filtered: &[bool]) -> Result<Lenses, BackendError> {
-        if job.scene.geometry.spheres.is_empty() || !asks_for_lenses(job) || !Variant::of(job).knows_bodies() {
-            return Ok(Lenses::default());
-        }
-        if has_bodies(&job.scene.geometry, job.dielectrics) {
-            let build =
-                || Structure::build_until(job.scene, filtered, &Progress::default()).expect("nobody gives it up");
-            let structure = self.structure.get_or_insert_with(build);
-            return cpu::lenses(structure, job);
-        }
-        // Without bodies of triangles no tree is needed: spheres that touch each other are left out anyway.
-        Lenses::of(&job.scene.geometry, job.dielectrics, |_| false)
-            .map_err(|why| cpu::check::missing(super::NAME, job, &why))
-    }
-}
-
-/// Whether any triangles are surfaces of bodies of glass.
-fn has_bodies(geometry: &Geometry, dielectrics: &[Dielectric]) -> bool {
-    let is_body = |material: u32| dielectrics.get(material as usize).is_some_and(|glass| glass.shape == Shape::Solid);
-    geometry.batches.iter().any(|batch| batch.count > 0 && is_body(batch.material))
-}
 
 /// A number in two parts, which have 48 bits together.
 fn parts(number: f64) -> [f32; 2] {

@@ -25,7 +25,7 @@ mod tests;
 pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
-use crate::cpu::{check, may_trace};
+use crate::cpu::{FindsLenses, check, may_trace};
 use crate::effects::dielectric::{Variant, disperses, is_rough};
 use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
@@ -48,7 +48,6 @@ use launches::{Clock, Work};
 use layout::{
     COUNTS_BUFFER_BYTES, CUT_LOOPS, POINT_BYTES, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, START_BYTES, TILE,
 };
-use lenses::FindsLenses;
 use programs::{Arithmetic, Kind, Stage};
 use scene::SceneBuffers;
 use split::Split;
@@ -198,7 +197,7 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let has_levels = self.require_levels(job)?;
-        let lenses = self.lenses.of(job, &self.filtered)?;
+        let lenses = self.lenses.of(NAME, job, &self.filtered)?;
         let tables = Tables::of(job, &lenses, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         let (kind, disc_rays) = (Kind::of(job, !lenses.is_empty()), disc_rays(job));
         let mut stages = programs::stages(kind, tables.params.samples).to_vec();

@@ -60,7 +60,6 @@ impl Turned {
     }
 
     /// Derivative of the ray's turn, delta, by the angle of incidence.
-    #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn rate(&self) -> f64 {
         self.rate
@@ -159,21 +158,18 @@ impl Ball {
     }
 
     /// The index of refraction.
-    #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn index(&self) -> f64 {
         self.index
     }
 
     /// The rays of `CELLS + 1` angles of incidence from 0 to a right angle, in equal steps.
-    #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn nodes(&self) -> &[Turned] {
         &self.nodes
     }
 
     /// Points between -1 and 1 and their weights: first of the quadrature for most lit points, then of the one for points near the axis.
-    #[cfg(feature = "wgpu")]
     pub fn quadratures(&self) -> impl Iterator<Item = DVec2> {
         self.points.iter().flatten().copied()
     }

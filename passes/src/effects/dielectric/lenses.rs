@@ -89,21 +89,18 @@ impl Lenses {
     }
 
     /// One `Ball` for each index of refraction among the lenses.
-    #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn balls(&self) -> &[Ball] {
         &self.balls
     }
 
     /// The place in [`Self::balls`] of the refraction by a lens.
-    #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn ball_of(&self, lens: &Lens) -> usize {
         lens.ball
     }
 
     /// For each sphere of the scene, whether it focuses light.
-    #[cfg(feature = "wgpu")]
     #[must_use]
     pub fn by_sphere(&self) -> &[bool] {
         &self.focuses

@@ -30,20 +30,18 @@ mod variant;
 mod walk;
 mod ways;
 
+pub use ball::{Ball, Bundle, CELLS, POINTS, POINTS_AT_AXIS, Turned};
 pub(super) use caustic::Lit;
-#[cfg(feature = "wgpu")]
-pub(crate) use caustic::{WIDTH as LENS_WIDTH, axis as light_axis, blur as light_blur};
-#[cfg(feature = "wgpu")]
-pub(crate) use eye::asks_for_lenses;
-pub(crate) use eye::{around_eye, lenses};
+pub use caustic::{WIDTH as LENS_WIDTH, axis as light_axis, blur as light_blur};
+pub(crate) use eye::{around_eye, asks_for_lenses, lenses};
 pub use facets::Facet as Microfacet;
-pub use lenses::Lenses;
+pub use lenses::{Lens, Lenses};
 pub use media::{Border, Crossing, MOST, Media};
 pub use photon_map::{Cloud, Photon, PhotonMap};
 pub(crate) use photons::{photons, targets};
 pub use slab::{Slab, slab};
 pub use targets::{Target, Targets};
-pub use variant::{Variant, check_focused, ways_of_path};
+pub use variant::{Variant, ways_of_path};
 pub(crate) use variant::{disperses, is_rough};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;

@@ -1,7 +1,7 @@
 //! Variants of device programs by the glass that they support, so that panes do not pay for what bodies need.
 
-use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::glass::{Dielectric, GlassShadow, MOST_STRATA};
+use curitiba_pipeline::backend::RayJob;
+use curitiba_pipeline::glass::{Dielectric, MOST_STRATA};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use glam::Vec3;
 
@@ -67,38 +67,10 @@ fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
     disperses(params, dielectrics) || is_rough(dielectrics) || own || cut
 }
 
-/// Refuses light that spheres or photons focus, for a backend whose programs do not support it.
-///
-/// # Errors
-/// [`BackendError::Unsupported`], with what would help.
-pub fn check_focused(
-    backend: &'static str,
-    params: &RayParams,
-    dielectrics: &[Dielectric],
-) -> Result<(), BackendError> {
-    if params.shadow != GlassShadow::Caustic || dielectrics.is_empty() {
-        return Ok(());
-    }
-    let why = "its programs know shadows of straight light; set shadow=straight on the pass, use --backend cpu, or allow it with \
-               --fallback cpu"
-        .to_owned();
-    Err(BackendError::Unsupported { backend, what: "shadow=caustic".to_owned(), why })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use curitiba_pipeline::glass::{PathLimits, Reflectance};
-
-    #[test]
-    fn light_that_is_focused_is_refused_by_name_where_glass_may_focus_it() {
-        let caustic = RayParams { shadow: GlassShadow::Caustic, ..RayParams::default() };
-        let plain = [Dielectric::default()];
-        let focused = check_focused("cuda", &caustic, &plain).expect_err("it focuses").to_string();
-        assert!(focused.contains("shadow=caustic") && focused.contains("shadow=straight"), "{focused}");
-        assert!(check_focused("cuda", &caustic, &[]).is_ok());
-        assert!(check_focused("cuda", &RayParams::default(), &plain).is_ok());
-    }
 
     #[test]
     fn each_kind_of_glass_and_each_limit_asks_for_ways_by_itself() {
