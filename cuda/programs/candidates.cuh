@@ -200,7 +200,10 @@ DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsign
         found = kept;
         __syncwarp();
         alone = alone && all == 1u;
-        if (alone) from = nearby.waiting[0];
+        if (alone) {
+            from = nearby.waiting[0];
+            __syncwarp();
+        }
     }
     return (int)found;
 }
@@ -306,7 +309,11 @@ DEVICE unsigned open_of(const Params &params, const SharedFan &fan, float radius
         bool meets = base + lane < gathered && ball.meets(load_triangle(params, place));
         unsigned mask = __ballot_sync(WHOLE_WARP, meets), at = near + __popc(mask & ((1u << lane) - 1u));
         near += __popc(mask);
-        if (near > most) return TOO_MANY;
+        if (near > most) {
+            // Other threads write there next.
+            __syncwarp();
+            return TOO_MANY;
+        }
         if (meets) nearby.waiting[at] = place;
     }
     __syncwarp();
@@ -343,7 +350,10 @@ DEVICE unsigned open_of(const Params &params, const SharedFan &fan, float radius
             }
             facets = 0;
             __syncwarp();
-            if (count_of(rays) == 0) return 0;
+            if (count_of(rays) == 0) {
+                open = make_uint4(0u, 0u, 0u, 0u);
+                return 0;
+            }
         }
     }
     open = make_uint4(~0u, ~0u, ~0u, ~0u);

@@ -193,6 +193,7 @@ DEVICE void share(const Params &params, bool traces, const Fan &fan, const Settl
     if (lane == 0) {
         unsigned total = __popc(mask) * params.samples, each = (total + TAKEN * parts - 1) / (TAKEN * parts) * TAKEN;
         points.count = __popc(mask);
+        points.close = false;
         points.next = part * each;
         points.end = min(points.next + each, total);
     }

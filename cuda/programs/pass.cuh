@@ -153,6 +153,7 @@ template <class Tracer> struct Pass {
     __device__ __forceinline__ float light_at(float3 origin) const {
         Crossings crossings;
         crossings.stored = crossings.beyond = 0;
+        OF_SPHERES(crossings.origin = origin; crossings.without = NO_TRIANGLE;)
         Ray ray = {origin, to_light(), 0.0f, light_end()};
         if (tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return in_shadow(params);
         return params.through_glass[min(distinct(crossings), (unsigned)THROUGH_GLASS_ENTRIES - 1)];

@@ -54,10 +54,10 @@ DEVICE float4 lerp(float4 a, float4 b, float s) {
     float r = 1.0f - s;
     return make_float4(a.x * r + b.x * s, a.y * r + b.y * s, a.z * r + b.z * s, a.w * r + b.w * s);
 }
-// The texel that stands for one beyond the sides: from the other side, or the one at the edge.
+// The texel in the place of one up to two beyond the sides: from the other side, or the one at the edge. Of a side of one texel it is that texel.
 DEVICE int beyond(int x, int count, unsigned wrap) {
     if (wrap != WRAP_REPEAT) return x < 0 ? 0 : x >= count ? count - 1 : x;
-    return x < 0 ? x + count : x >= count ? x - count : x;
+    return x < 0 ? x + count : x >= count ? min(x - count, count - 1) : x;
 }
 // Where a coordinate lies, as a share of the side.
 DEVICE float share_of_side(float t, unsigned wrap) {
