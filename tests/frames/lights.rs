@@ -271,6 +271,15 @@ fn a_light_that_moves_or_changes_its_colour_is_seen_and_a_share_is_multiplied_by
     let ratios: Vec<f32> = first.pixels.iter().map(ratio).collect();
     let (least, most) = ratios.iter().fold((f32::MAX, 0.0_f32), |(a, b), ratio| (a.min(*ratio), b.max(*ratio)));
     assert!(least < 0.5 && most > 3.0, "{least} {most}");
+    let turned = Vec3::new(0.3, -1.0, 0.2).normalize();
+    let blue = renderer.project().lights[renderer.project().light("Spot").expect("declared")].color;
+    renderer.set_light("Spot", turned * 3.0, blue).expect("there is such a light");
+    let elsewhere = renderer.frame(&mut Silent).expect("rendered");
+    assert!(rmse(&first, &elsewhere) > 0.02, "the turn goes unnoticed");
+    renderer.set_light("Bulb", Vec3::NEG_Y, Vec3::ZERO).expect("there is such a light");
+    let of = |name: &str| renderer.project().lights[renderer.project().light(name).expect("declared")].clone();
+    assert_eq!((of("Spot").kind(), of("Bulb").kind()), ("spot", "point"), "a light keeps its kind");
+    assert!(of("Spot").falloff.spot.expect("a cone").axis.distance(turned) < 1e-6);
     renderer.set_light("Spot", Vec3::NEG_Y, Vec3::ZERO).expect("there is such a light");
     let dark = renderer.frame(&mut Silent).expect("rendered");
     assert!(rmse(&first, &dark) > 0.02, "the change goes unnoticed");

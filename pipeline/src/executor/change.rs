@@ -153,7 +153,8 @@ impl Renderer {
         self.edit(Edit::Pose(camera.to_owned(), pose))
     }
 
-    /// Sets the direction in which a light of the project travels, and its linear colour.
+    /// Sets the direction in which a light of the project travels, and its linear colour. Of a spot light, `direction` is the axis of its cone. A
+    /// point light has no direction, and keeps none.
     ///
     /// # Errors
     /// If the project has no such light, or the values are not finite.
@@ -167,7 +168,7 @@ impl Renderer {
     /// If a side is not 1 to [`MAX_SIDE`](crate::image::MAX_SIDE), or the targets take more memory than allowed.
     pub fn set_size(&mut self, size: [u32; 2]) -> Result<(), ChangeError> {
         let settings = Settings { size: Some(size), ..self.settings().clone() };
-        // The camera of such a project depends on the aspect ratio of the window.
+        // The camera of a project made from scene files depends on the aspect ratio of the window.
         let project = match names_scenes(&self.project().source) {
             true => self.reopened(&settings)?,
             false => self.project().clone(),
@@ -218,8 +219,8 @@ impl Renderer {
         self.set(|settings| settings.aa = samples)
     }
 
-    /// Renders fewer pixels and samples than the other settings ask for, until it is set to `None`. Cameras stay as they are for the whole
-    /// size, and scene files are not read again.
+    /// Renders fewer pixels and samples than the other settings ask for, until the preview is set to `None`. The cameras of a project made
+    /// from scene files stay where they were placed for the whole size, and scene files are not read again.
     ///
     /// # Errors
     /// If the preview is not valid, or has fewer pixels although only a part of the picture is written.
@@ -289,7 +290,7 @@ impl Renderer {
         }
     }
 
-    /// Whether the loaded scenes also serve another plan.
+    /// Whether the plan `next` can use the loaded scenes as they are.
     fn scenes_serve(&self, next: &Plan) -> bool {
         let now = &self.plan;
         let asks = |plan: &Plan| -> Vec<usize> {
@@ -410,7 +411,8 @@ impl Renderer {
         }
     }
 
-    /// Lets the engines share the G-buffer again, if the new plan needs another one or the engines changed.
+    /// Lets the engines share a G-buffer again, if the new plan shares another G-buffer than the plan `before`, or if a pass has another
+    /// ray backend (`others`).
     fn join_again(&mut self, before: &Plan, others: bool) {
         if !others && shared_gbuffer(before) == shared_gbuffer(&self.plan) {
             self.decide_showing_quad();
@@ -450,10 +452,10 @@ fn stored(buffer: &GBuffer) -> Attachments {
 struct Shareable {
     target: usize,
     size: [u32; 2],
-    /// Attachments that each raster pass writes to it for ray passes.
+    /// For each raster pass that draws into the target: the attachments that ray passes may read in place.
     traced: Vec<Attachments>,
     in_parts: bool,
-    /// Whether it holds the picture of a ray pass, too.
+    /// Whether the shared memory also has room for the picture of a ray pass.
     picture: bool,
 }
 

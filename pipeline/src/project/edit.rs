@@ -72,7 +72,7 @@ impl Project {
     }
 
     /// Sets the direction in which a light travels (of any length other than 0) and its linear colour, as if its file contained
-    /// them.
+    /// them. Of a spot light, `direction` is the axis of its cone. A point light has no direction, and keeps none.
     ///
     /// # Errors
     /// If there is no such light, the direction is 0 or not finite, or a component of the colour exceeds [`BRIGHTEST`] in absolute
@@ -90,7 +90,13 @@ impl Project {
                 "light `{name}`: {color} is no colour; valid: three numbers, -{BRIGHTEST:e} to {BRIGHTEST:e}"
             ));
         }
-        (self.lights[index].direction, self.lights[index].color) = (Some(direction), color);
+        let light = &mut self.lights[index];
+        light.color = color;
+        match (&mut light.direction, &mut light.falloff.spot) {
+            (Some(own), _) => *own = direction,
+            (None, Some(spot)) => spot.axis = direction,
+            (None, None) => {}
+        }
         Ok(())
     }
 }
