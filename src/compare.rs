@@ -239,7 +239,7 @@ fn first_seeds(test: &Operand, reference: &Operand, seeds: u32) -> [u32; 2] {
     let (first, second) = (own(test), own(reference));
     let renders = |operand: &Operand| matches!(operand, Operand::Project(spec) if !spec.is_reference);
     let both = renders(test) && renders(reference);
-    // Seeds wrap around, so the distance is taken the shorter way.
+    // Seeds wrap around, so the distance is the smaller of the two differences.
     let distance = first.wrapping_sub(second).min(second.wrapping_sub(first));
     if both && seeds > 1 && distance < seeds { [first, first.wrapping_add(seeds)] } else { [first, second] }
 }

@@ -30,7 +30,8 @@ pub const LIMITS: [Limit; 5] = [
 pub struct Limit {
     /// The backend that it applies to.
     pub backend: &'static str,
-    /// Whether it applies to `final` in thesis fidelity alone. Other limits do not apply to that, except those of `cuda`.
+    /// Whether it applies to `final` in thesis fidelity only. Limits without this flag do not apply to `final` in thesis fidelity, except those of
+    /// `cuda`.
     pub noise_at_hits: bool,
     /// Difference in any component that a pixel may have.
     pub difference: f32,
@@ -139,7 +140,7 @@ pub struct Found {
     pub builds: Vec<Build>,
 }
 
-/// The processor's backend, with others beside it that run the same jobs. The pictures passed on are the processor's.
+/// The processor's backend, with other backends that run the same jobs. Later passes read the processor's pictures.
 pub struct Beside {
     /// The processor's backend.
     pub cpu: Box<dyn RayBackend>,

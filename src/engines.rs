@@ -111,8 +111,8 @@ pub struct Choice {
     pub backend: BackendChoice,
     /// Number of GPUs for `cuda` and `optix`.
     pub gpus: Gpus,
-    /// The device of `wgpu`, for rasteriser and rays, as an index into [`adapters`]. If it is given, `auto` takes it, whatever it
-    /// is.
+    /// The device of `wgpu`, for rasteriser and rays, as an index into [`adapters`]. If it is given, `auto` takes it even if it is a software
+    /// device; for rays, only if CUDA is not available.
     pub adapter: Option<u8>,
     /// Fallbacks: ray backends that may take over, in this order, if the one before fails; none unless the user allowed them.
     pub fallback: [Option<BackendChoice>; 4],
@@ -161,8 +161,8 @@ impl Choice {
         }
     }
 
-    /// The choice for a plan. The processor becomes a fallback if `auto` chooses the ray backend, the user named no fallbacks, and a pass
-    /// asks for a filter, or for features of glass beyond the report's panes. A message says so when it takes over.
+    /// The choice for a plan. The processor becomes a fallback if `auto` chooses the ray backend, the user named no fallbacks, and a pass asks for
+    /// a filter, or for features of glass beyond the report's panes. A message is printed when the processor takes over.
     ///
     /// If `auto` chooses the rasteriser, and a pass draws with shaders of the project, the rasteriser is wgpu on any adapter.
     #[must_use]
@@ -298,7 +298,7 @@ fn ray_backend_on(choice: Choice, device: Option<&SharedDevice>) -> Result<Box<d
     }
 }
 
-/// Makes `wgpu` rays, on the rasteriser's device if the choice allows it, otherwise on a device of their own.
+/// Makes the ray backend `wgpu`, on the rasteriser's device if the choice allows it, otherwise on a device of its own.
 fn wgpu(choice: AdapterChoice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
     let fits =
         |device: &&SharedDevice| choice != AdapterChoice::RealGpu || device.adapter().kind != AdapterKind::Software;

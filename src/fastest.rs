@@ -102,7 +102,7 @@ pub fn choose(choice: Choice) -> Choice {
     choice.traced_by(found.choice())
 }
 
-/// Path of the stored measurement, beside the references.
+/// Path of the stored measurement, in the default folder of the references.
 fn record() -> PathBuf {
     References::default_folder().join("fastest.json")
 }

@@ -71,7 +71,7 @@ impl FromStr for Request {
 
 /// The task that this process is, according to a scheduler.
 struct Task {
-    /// The environment variable that says so.
+    /// The environment variable that gives the index.
     variable: &'static str,
     /// The task's index, counted as the scheduler does.
     index: u64,

@@ -51,7 +51,7 @@ impl<'a> Contestant<'a> {
     }
 }
 
-/// Runs each contestant once in every round, after one round that is not counted.
+/// Runs each contestant once in every round, after one round that is not counted. With 0 rounds, that one is counted.
 pub fn rounds(contestants: &mut [Contestant<'_>], rounds: usize, pool: &rayon::ThreadPool) {
     for round in 0..=rounds {
         for contestant in contestants.iter_mut() {

@@ -41,8 +41,8 @@ enum Dealt {
 struct Stage {
     entry: &'static str,
     dealt: Dealt,
-    /// True for a stage that settles occlusion rays by the triangles near their points, and for the one that traces the other rays. Both are
-    /// skipped where points have few rays.
+    /// True for a stage that decides occlusion rays from the triangles near the ray origins, and for the stage that traces the undecided rays.
+    /// Stages with `settles` are skipped where points have fewer than [`FEW_SAMPLES`] rays.
     settles: bool,
 }
 
@@ -77,7 +77,7 @@ fn stages(Key { program, variant, lighting, .. }: Key) -> &'static [Stage] {
     }
 }
 
-/// With fewer rays a point than this, settling costs more than tracing the rays.
+/// With fewer occlusion rays per point than this, settling costs more than tracing the rays.
 const FEW_SAMPLES: u32 = 6;
 
 /// Average number of entries in the list of surfaces for each pixel of a launch, and for each way into which its path splits: 256 bytes. A
@@ -90,8 +90,8 @@ const SURFACES_OF_WAYS: u64 = 1 << 23;
 /// Device memory of a triangle in the tree, in bytes: three vectors of four numbers.
 const BYTES_OF_TRIANGLE: u64 = 48;
 
-/// Lists of nearby triangles are kept shorter if more triangles than this lie within the radius of a point. Their number is estimated as if
-/// all triangles lay on one surface through the whole scene.
+/// Lists of nearby triangles are kept shorter if more triangles than this lie within the occlusion radius of a point. The number of triangles
+/// within the radius is estimated as if all triangles lay on one surface across the whole scene.
 const TOO_MANY_WITHIN: f32 = 2000.0;
 
 /// Number of threads in a warp. Whole warps take entries of the list of surfaces.
@@ -100,7 +100,7 @@ const WARP: u32 = 32;
 /// Number of progress counters: `Progress` in `programs/count_open.cuh`.
 const PROGRESS: usize = 5;
 
-/// Blocks for each multiprocessor of a kernel that takes work from a list: as many as a multiprocessor can hold.
+/// Number of blocks per multiprocessor for a kernel that takes work from a list: the most that a multiprocessor can hold.
 const BLOCKS: u32 = 32;
 
 /// The kernels of a program in one variant.
@@ -207,7 +207,7 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Greatest lengths of lists of nearby triangles, for each part of the radius. Measured on an H100: long lists pay, except where far
+    /// Greatest lengths of lists of nearby triangles, for each part of the occlusion radius. Measured on an H100: long lists pay, except where far
     /// more triangles lie within the radius than any list can hold.
     fn listed(&self, radius: f32) -> [u32; REACHES as usize - 1] {
         let [low, high] = self.ground.bounds.map(Vec3::from_array);

@@ -21,9 +21,9 @@ const LEAST_CAPABILITY: (i32, i32) = (7, 5);
 /// The environment variable that names the GPUs to use.
 const GPUS_VARIABLE: &str = "CURITIBA_GPUS";
 
-/// The numbers of the GPUs to use, counted from 0 as the driver does; `wanted` of them, or all for `None`. The variable `CURITIBA_GPUS` may
-/// list the GPUs (`1,3`), in this order; a GPU that it names twice is used as if it were two. Without the variable, one wanted GPU is GPU 0, and
-/// the driver is not asked.
+/// The numbers of the GPUs to use, counted from 0 as the driver does; `wanted` of them, or all for `None`. The variable `CURITIBA_GPUS` may list
+/// the GPUs (`1,3`), in this order; a GPU that it names twice is used as if it were two. Without the variable, one wanted GPU is GPU 0, and the
+/// driver is not called.
 ///
 /// # Errors
 /// If the variable is no list of numbers, there is no driver, the driver is too old, or there are fewer GPUs than wanted.
@@ -260,7 +260,7 @@ impl Device {
     }
 }
 
-/// A stream of our own: copies between GPUs on their default streams would wait for all work of both.
+/// A stream of our own: copies between two GPUs on their default streams would wait for all work of both GPUs.
 #[allow(unsafe_code, reason = "switches the ordering of several streams off")]
 fn own_stream(context: &Arc<CudaContext>) -> Result<Arc<CudaStream>, DriverError> {
     // SAFETY: everything of this context runs on the one stream that is made here, in the order in which it is called.

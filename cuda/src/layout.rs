@@ -114,7 +114,7 @@ shared_structs! {
         exponent: f32 = "float",
     }
 
-    /// Parameters of a pass whose paths in glass split into several ways, or are cut off.
+    /// Parameters of a pass whose paths in glass split into several ways (branches), or are cut off.
     struct Ways {
         /// Glass data of each material, in addition to [`Params::bodies`].
         faces: Address = "const Face *",
@@ -212,9 +212,9 @@ shared_structs! {
         cos: f64 = "double",
         /// Cosine of the angle of refraction, inside the sphere.
         inner: f64 = "double",
-        /// Direction in which the ray leaves: away from the axis, and along it.
+        /// Unit direction in which the ray leaves: x is away from the axis, on the side where the ray met the sphere; y is along the axis.
         direction: [f64; 2] = "double[2]",
-        /// Derivative of the ray's turn by the angle of incidence.
+        /// Derivative of the ray's deflection with respect to the angle of incidence.
         rate: f64 = "double",
     }
 
@@ -393,7 +393,7 @@ shared_structs! {
         segments: Address = "const float4 *",
         /// For each pair: the two triangles that do not block its segments.
         own: Address = "const uint2 *",
-        /// Answers: one bit a segment, set if it is blocked.
+        /// Results: one bit a segment, set if the segment is blocked.
         blocked: Address = "unsigned *",
         /// Number of segments.
         segment_count: u64 = "unsigned long long",
@@ -403,8 +403,8 @@ shared_structs! {
         emissions: Address = "const float *",
         /// Number of lights.
         light_count: u32 = "unsigned",
-        /// Share of a light that arrives behind an opaque occluder. If above 0, there is a single directional light, and programs write its share.
-        /// If 0, programs write the share of the colour that the shadows of all lights leave.
+        /// Share of a light that arrives behind an opaque occluder. If above 0, there is a single directional light, and programs write the share
+        /// of this light that arrives. If 0, programs write the share of the colour that the shadows of all lights leave.
         in_shadow: f32 = "float",
         /// Points of the unit square for the discs of directional lights, bits reversed; 0 where these lights have no disc.
         disc: Address = "const uint2 *",
@@ -520,7 +520,7 @@ pub const WRAP_MIRROR: u32 = 1;
 pub const WRAP_CLAMP: u32 = 2;
 /// Size of a surface in the list of `final`, in bytes.
 pub const SURFACE_BYTES: u32 = 64;
-/// Size of what is known of a point's occlusion rays before any is traced, in bytes.
+/// Size in bytes of the record `Settled`: what is known of a point's occlusion rays before any of them is traced.
 pub const SETTLED_BYTES: u32 = 32;
 /// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
 pub const BLOCK_WIDTH: u32 = 8;

@@ -30,7 +30,7 @@ impl LensTables {
         let list: Vec<Lens> = lenses
             .iter()
             .map(|(lens, ball)| Lens {
-                // Both were widened from these.
+                // Centre and radius were widened from `f32`, so narrowing is exact.
                 center: lens.center.as_vec3().to_array(),
                 radius: lens.radius as f32,
                 index: ball.index() as f32,

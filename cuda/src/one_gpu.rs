@@ -1,4 +1,4 @@
-//! The ray programs on one GPU, with any tracer. [`crate::multi_gpu`] makes a backend from one or several of these.
+//! The ray programs on one GPU, with any tracer. [`crate::multi_gpu`] makes a backend from one or several `OneGpu`.
 
 use crate::device::{Address, Device};
 use crate::images::Images;
@@ -143,8 +143,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(start.elapsed())
     }
 
-    /// Lends the shared G-buffer of a job to other GPUs, as a copy in this GPU's memory: they read the rasteriser's own memory as slowly as
-    /// host memory.
+    /// Lends the shared G-buffer of a job to other GPUs, as a copy in this GPU's memory: other GPUs can read the memory that the rasteriser
+    /// allocated only as slowly as host memory.
     #[allow(unsafe_code, reason = "copies from the memory of the rasteriser")]
     pub fn lend(&mut self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
         self.device.bind()?;
@@ -432,8 +432,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.tracer.clear();
     }
 
-    /// Runs a pass, which must have been checked, over some of its rows; `lenses` are the spheres that focus its light. A shared G-buffer is
-    /// this GPU's own, or `lent` by another. After an error, no pixel is valid.
+    /// Runs a pass, which must have been checked, over some of its rows; `lenses` are the spheres that focus its light. A shared G-buffer is in
+    /// this GPU's memory, or `lent` by another GPU. After an error, no pixel is valid.
     pub fn run(
         &mut self,
         (job, lenses): (&RayJob<'_>, &Lenses),

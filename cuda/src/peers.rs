@@ -39,7 +39,7 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
     if !other.context().has_async_alloc() {
         return Ok(());
     }
-    // Stream-ordered allocations come from a pool, which peer access of contexts does not cover: without this, the driver would copy
+    // Stream-ordered allocations come from a pool, which peer access of contexts does not cover: without access to the pool, the driver would copy
     // through the host.
     let reader = sys::CUmemAccessDesc {
         location: sys::CUmemLocation {
@@ -65,7 +65,7 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
 /// For a `from` of 0, does nothing and returns 0.
 ///
 /// # Safety
-/// At `from` in the device's memory there must be `length` values, until its stream has come to the end of the copy.
+/// At `from` in the device's memory there must be `length` values, until the device's stream has completed the copy.
 pub(crate) unsafe fn copy_here<T: DeviceRepr + ValidAsZeroBits>(
     device: &Device,
     what: &str,
@@ -87,7 +87,8 @@ pub(crate) unsafe fn copy_here<T: DeviceRepr + ValidAsZeroBits>(
     Ok(to)
 }
 
-/// A G-buffer in the memory of one GPU that others copy. Once [`Self::ready`] has occurred, it does not change as long as this lives.
+/// A G-buffer in the memory of one GPU, to be copied by other GPUs. Once [`Self::ready`] has occurred, the G-buffer does not change as long as this
+/// value lives.
 #[derive(Debug)]
 pub(crate) struct Lent {
     /// Context of the GPU that has the G-buffer.
@@ -129,7 +130,7 @@ impl Copies {
 /// the rest of the buffer has no meaning.
 ///
 /// # Safety
-/// At `from` in the lender's memory there must be `length` values, until the device's stream has come to the end of the copies.
+/// At `from` in the lender's memory there must be `length` values, until the device's stream has completed the copies.
 pub(crate) unsafe fn copy_parts<T: DeviceRepr + ValidAsZeroBits>(
     device: &Device,
     what: &str,

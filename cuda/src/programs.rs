@@ -298,7 +298,7 @@ mod tests {
         }
     }
 
-    /// The text in PTX that begins the entry for a program that a project names; `None` for intersection and bounds, which the tracer itself
+    /// The beginning of the PTX entry of a program that a project names; `None` for intersection and bounding-box programs, which the tracer itself
     /// provides.
     fn entry(kind: &str, proc: &str) -> Option<String> {
         let kind = kind.to_ascii_lowercase().replace('_', "");

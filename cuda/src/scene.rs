@@ -36,8 +36,8 @@ pub struct SceneBuffers {
 }
 
 impl SceneBuffers {
-    /// Copies a scene to the device. `transparent` says by material whether the program must decide on hits on exact spheres; `None` if rays hit
-    /// no exact sphere.
+    /// Copies a scene to the device. `transparent` says by material whether the device program decides if a hit on an exact sphere counts; `None`
+    /// if rays hit no exact sphere.
     pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         let geometry = &scene.geometry;
         let (textures, texels) = textures(scene, false);

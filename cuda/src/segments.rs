@@ -1,4 +1,4 @@
-//! Segments between triangles on one GPU: the processor makes them, the device finds which are blocked.
+//! Segments between triangles on one GPU: the processor makes the segments, the device finds which are blocked.
 
 use crate::bvh::BvhTracer;
 use crate::device::{Buffer, Device};
@@ -40,7 +40,7 @@ impl Room {
         })
     }
 
-    /// Waits for the answers, and copies them to the host.
+    /// Waits for the results, and copies the bits of `count` segments to the host.
     fn read(&self, device: &Device, count: usize, bits: &mut [u32]) -> Result<(), BackendError> {
         let failed = |error| device.fault("tracing segments", &error);
         if let Some(blocked) = &self.blocked.0 {
@@ -70,7 +70,7 @@ fn in_launches(
     Ok(())
 }
 
-/// Segments on our own traversal: the answers are exactly those of the processor.
+/// Segments on our own traversal: the results are exactly those of the processor.
 #[derive(Debug)]
 pub struct CudaSegments {
     device: Device,
@@ -117,19 +117,19 @@ impl SegmentTracer for CudaSegments {
                 LaunchConfig { grid_dim: (blocks, 1, 1), block_dim: (SEGMENT_THREADS, 1, 1), shared_mem_bytes: 0 };
             let mut launch = device.stream().launch_builder(kernel);
             launch.arg(&params);
-            // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. It reads the given number of segments and
-            // the pairs that these refer to, which the caller made together, and writes one bit for each segment. The buffers and the tree
-            // live until the answers are read.
+            // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. It reads the given number of segments and the
+            // pairs that these refer to, which the caller made together, and writes one bit for each segment. The buffers and the tree live until
+            // the results are read.
             unsafe { launch.launch(config) }.map_err(|error| device.fault("tracing segments", &error))?;
             room.read(device, segments.all.len(), bits)
         })
     }
 }
 
-/// Segments on NVIDIA's OptiX: for a segment that grazes an edge, the answer may differ from the processor's.
+/// Segments on NVIDIA's OptiX: for a segment that grazes an edge, the result may differ from the processor's.
 #[derive(Debug)]
 pub struct OptixSegments {
-    // Declared before the device, so that they are dropped before the context that they belong to.
+    // Declared before `device`, so that pipeline and buffers are dropped before the context that they belong to.
     pipeline: SegmentPipeline,
     room: Room,
     counts: Buffer<u64>,

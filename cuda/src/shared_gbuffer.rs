@@ -1,4 +1,4 @@
-//! G-buffers that the rasteriser shares: memory and semaphore of each, opened in CUDA.
+//! G-buffers that the rasteriser shares: the memory and the semaphore of each G-buffer, opened in CUDA.
 //!
 //! CUDA driver API, "External Resource Interoperability". Only for systems with file descriptors; on others nothing is shared.
 
@@ -88,7 +88,8 @@ mod opened {
             self.offsets.picture.map(|offset| self.memory.device_ptr(device.stream()).0 + offset)
         }
 
-        /// Makes the stream set the semaphore to `value`, which must be greater than all earlier values, when its work is done.
+        /// Makes the stream set the semaphore to `value` once all earlier work of the stream is done. `value` must be greater than all earlier
+        /// values.
         pub fn signal(&self, device: &Device, value: u64) -> Result<(), BackendError> {
             // SAFETY: plain numbers and unions of plain numbers, for which zeros are valid.
             let mut parameters: sys::CUDA_EXTERNAL_SEMAPHORE_SIGNAL_PARAMS = unsafe { std::mem::zeroed() };

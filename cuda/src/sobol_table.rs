@@ -2,12 +2,12 @@
 
 /// Consecutive Sobol points, bits reversed, in blocks; each block is the longest of 4^m points that the points left over allow.
 ///
-/// In a block of the sequence of 4^m points that begins at a multiple of 4^m, each of 4^m squares of the unit square has one point
-/// ([`owen_sobol`] says why). This holds after scrambling too, which permutes the first m digits of each coordinate among themselves. The
-/// place of a point in its block is the index of its square: the first digits of both coordinates, interleaved, the first digits lowest. So a
-/// kernel finds the point that the scrambling moves into a given square without searching (`sample_of_turn` in `programs/fan.cuh`).
+/// In a block of the sequence of 4^m points that begins at a multiple of 4^m, each of 4^m squares of the unit square has one point ([`owen_sobol`]
+/// says why). This holds after scrambling too, which permutes the first m digits of each coordinate among themselves. The place of a point in its
+/// block is the index of its square: the first digits of both coordinates, interleaved, the first digits lowest. So a kernel finds the point that
+/// the scrambling moves into a given square without a search (`sample_of_turn` in `programs/fan.cuh`).
 ///
-/// Points that start elsewhere in the sequence may give blocks whose points are not consecutive, or do not begin at such a multiple: see
+/// Points that start elsewhere in the sequence may give blocks whose points are not consecutive, or do not begin at a multiple of 4^m: see
 /// [`at_squares`]. Kernels take each point once, whatever its place; places decide only which rays are traced together.
 ///
 /// [`owen_sobol`]: curitiba_passes::sampling::owen_sobol
@@ -27,8 +27,8 @@ fn in_blocks(mut points: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
     sorted
 }
 
-/// The 4^`digits` points of a block, each at the place of its square. Of several points in one square the first gets this place. The others get
-/// the places of empty squares, in the order of a Z-order curve, so that they are near their own squares.
+/// The 4^`digits` points of a block, each at the place of its square. Of several points in one square, the first gets the place of the square. The
+/// other points get the places of empty squares, in the order of a Z-order curve, so that each is near its own square.
 fn at_squares(block: impl ExactSizeIterator<Item = [u32; 2]>, digits: u32) -> Vec<[u32; 2]> {
     let mut places = vec![None; block.len()];
     let mut others = Vec::new();

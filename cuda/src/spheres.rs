@@ -69,8 +69,8 @@ pub(crate) struct SphereBuffers {
 }
 
 impl SphereBuffers {
-    /// Copies the spheres of a scene to the device. `transparent` says by material whether the program must accept hits; `None` if rays hit no
-    /// sphere.
+    /// Copies the spheres of a scene to the device. `transparent` says by material whether the device program decides if a hit counts; `None` if
+    /// rays hit no sphere.
     pub fn new(device: &Device, scene: &RenderScene, transparent: Option<&[bool]>) -> Result<Self, BackendError> {
         if scene.geometry.spheres.is_empty() {
             return Ok(Self::default());

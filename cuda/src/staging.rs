@@ -62,9 +62,9 @@ impl Staging {
                 let (now, later) = rest.split_at_mut(target.len());
                 rest = later;
                 let from = source.slice(*first..*first + now.len());
-                // SAFETY: source and target have the same length. The target is page-locked and lives as long as `self`. It is not
-                // read before the event that follows has happened, for which every return without an error waits. A failure is taken
-                // to leave a stream on which nothing runs any more.
+                // SAFETY: source and target have the same length. The target is page-locked and lives as long as `self`. It is not read before the
+                // event that follows has happened, for which every return without an error waits. After a failure, the stream is assumed to run
+                // nothing any more.
                 unsafe { memcpy_dtoh_async(now, from.device_ptr(stream).0, stream.cu_stream()) }?;
             }
             stream.record_event(None)

@@ -28,7 +28,7 @@ pub(crate) struct Stripe<'a> {
 }
 
 impl Stripe<'_> {
-    /// Indices of these pixels in the picture.
+    /// Indices of the stripe's pixels in a picture of `width` columns, row by row.
     pub fn range(&self, width: u32) -> Range<usize> {
         let first = self.first_row as usize * width as usize;
         first..first + self.rows as usize * width as usize

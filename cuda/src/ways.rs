@@ -6,7 +6,7 @@ use curitiba_pipeline::backend::RayJob;
 use curitiba_pipeline::glass::{CutoffColor, Dielectric, Reflectance, Roulette, Stratum};
 use curitiba_pipeline::programs::RayParams;
 
-/// The tables of a pass whose programs split paths into ways: those of `Variant::Ways`.
+/// The tables of a pass whose programs split paths into ways (branches): the programs of `Variant::Ways`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WayTables {
     /// Glass data of each material.

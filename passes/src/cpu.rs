@@ -223,8 +223,8 @@ pub fn may_trace(job: &RayJob<'_>) -> bool {
     job.program.info().needs_structure(&job.params, finds_glass).0
 }
 
-/// Runs a program other than `dummy` on any tracer of the job's scene. Programs call the tracer through a pointer, so that they are compiled
-/// once for all tracers. The call costs little: the packets, fans and rays that they ask for take far longer.
+/// Runs a program other than `dummy` on any tracer of the job's scene. Programs call the tracer through a pointer, so that they are compiled once
+/// for all tracers. The indirect calls cost little: tracing a packet, a fan or a ray takes far longer.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] if the job lacks something that the program reads; the error names it.
@@ -278,7 +278,7 @@ pub(crate) fn trace_pixels(
 /// the pixel's own share before filtering.
 ///
 /// # Errors
-/// As [`trace`]. Also if glass is to be sampled to an error, or photons are asked for: both need the whole picture.
+/// As [`trace`]. Also if the job samples glass adaptively or shoots photons: adaptive sampling and photons need the whole picture.
 pub fn trace_pixel(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
     check::buffers(NAME, job)?;
     check::adaptive(NAME, job)?;
@@ -483,9 +483,9 @@ fn run_corrected<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C
     }
 }
 
-/// As [`run_corrected`], for the programs that read textures at hits: those that may ask for ray cones.
+/// Selects the implementation, in corrected fidelity, of the programs that read textures at hits. Only these programs can use ray cones.
 fn run_textured<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
-    // Scenes with bodies have programs of their own, so that the report's panes do not become slower.
+    // With `glass=auto` separate functions run, so that scenes with the report's panes do not become slower.
     let bodies = !pass.job.dielectrics.is_empty();
     match pass.job.program {
         RayProgram::Reflection => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
@@ -513,9 +513,9 @@ fn run_textured<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>
     }
 }
 
-/// Number of adjacent tiles that a thread takes at a time. Hard shadows take about 70 cycles a pixel, so taking many tiles saves the cost
-/// of each start. In other programs a pixel may take a thousand times as long as its neighbour, and the last tile of a frame keeps 15 of 16
-/// threads waiting: with two tiles at a time, that took 4 % of the time of ambient occlusion and 7 % of the time of `final`.
+/// Number of adjacent tiles that a thread takes at a time. Hard shadows take about 70 cycles a pixel, so taking many tiles at a time reduces the
+/// overhead of starting tasks. In other programs a pixel may take a thousand times as long as its neighbour, and the last tile of a frame keeps 15
+/// of 16 threads waiting: with two tiles at a time, the wait took 4 % of the time of ambient occlusion and 7 % of the time of `final`.
 fn tiles_at_a_time(job: &RayJob<'_>) -> usize {
     let is_soft = job.program.info().sun_samples(&job.params) > 0;
     if job.program == RayProgram::DeferredShadows && !is_soft && job.lights.is_empty() { 8 } else { 1 }
@@ -536,8 +536,8 @@ fn runs_of_tiles(image: &mut Image, tiles: usize) -> Vec<Rows<'_>> {
 }
 
 thread_local! {
-    /// Buffers for the tiles of this thread, kept from frame to frame. They live on the heap: a thread that waits for others may start
-    /// their tiles on top of its own stack, many deep.
+    /// Buffers for the tiles of this thread, kept from frame to frame. The buffers are on the heap: a thread that waits for other threads may run
+    /// the tiles of other threads on its own stack, nested many deep.
     static WORKSPACE: RefCell<Box<Workspace>> = RefCell::default();
 }
 
@@ -570,7 +570,7 @@ fn in_parallel(runs: &mut [Rows<'_>], each: &(dyn Fn(usize, &mut Rows<'_>) -> Ra
 
 /// Computes a run of tiles; the upper left pixel of the first tile is `(left, top)`.
 ///
-/// Never inlined: its stack frame would become part of the frame that splits the work, which may be on the stack many times.
+/// Never inlined: its stack frame would become part of the frame of the function that splits the work, which may be on the stack many times.
 #[inline(never)]
 fn run_of_tiles(
     work: &mut Workspace,

@@ -16,8 +16,8 @@ pub enum QuadPlace {
     Host,
     /// On the rasteriser's device.
     Device,
-    /// The rasteriser could fill them on its device, but the driver runs on the processor (a software device) and is slower there
-    /// than the executor.
+    /// The rasteriser could fill quads on its device, but the device is software that runs on the processor and is slower than
+    /// the executor.
     Software,
 }
 
@@ -73,7 +73,7 @@ pub struct DeviceQuadStats {
     pub host: Duration,
     /// Time on the device's own clock, if it has one.
     pub device: Option<Duration>,
-    /// Host time of the copy from that memory.
+    /// Host time of the copy from the memory that the host reads.
     pub read_back: Duration,
     /// Number of pixels with a value that is not finite.
     pub not_finite: u32,

@@ -30,7 +30,7 @@ impl Source {
 /// Severity of a problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Information only; the result is what the file asks for.
+    /// Information only; the result is as the file specifies.
     Note,
     /// Something was left out or replaced.
     Warning,
@@ -97,7 +97,8 @@ impl fmt::Display for Problems {
 
 impl std::error::Error for Problems {}
 
-/// A hint: `did you mean …?` with the name in `valid` that is nearest to `written`, or the list of valid names.
+/// A hint: the list of valid names, of at most 24, and `did you mean …?` with the valid name that is most similar to `written`, if one is
+/// similar.
 #[must_use]
 pub fn valid_names<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
     let mut names: Vec<&str> = valid.into_iter().collect();
@@ -203,7 +204,7 @@ impl Warnings {
         &self.groups
     }
 
-    /// Whether nothing was warned about.
+    /// Whether there are no warnings.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.groups.is_empty()

@@ -19,8 +19,8 @@ pub struct Rect {
 }
 
 /// The part of a viewport that a target holds, relative to the viewport's corner; `held` is the target's part of the picture.
-/// `None` if the part is empty, or if the target cuts the viewport elsewhere than at multiples of [`ALIGNMENT`] pixels from its
-/// corner: a rasteriser that works in tiles would then use other tiles than for the whole viewport.
+/// `None` if the part is empty, or if the target cuts the viewport elsewhere than at multiples of [`ALIGNMENT`] pixels from the
+/// viewport's corner: a rasteriser that works in tiles would then use other tiles than for the whole viewport.
 #[must_use]
 pub fn drawn_part(viewport: Rect, held: Rect) -> Option<Rect> {
     let axis = |start: u32, length: u32, held: u32, room: u32| {
@@ -75,7 +75,7 @@ impl Attachments {
 /// Triangle id of a pixel without a surface.
 pub const NO_TRIANGLE: u32 = u32::MAX;
 
-/// The attachments of one raster pass, in host memory. Attachments that were not asked for are empty.
+/// The attachments of one raster pass, in host memory. Attachments that were not selected are empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GBuffer {
     /// Column and row, in the picture, of the top left pixel held. Viewports are relative to the picture.
@@ -92,12 +92,13 @@ pub struct GBuffer {
     pub normal: Vec<[f32; 4]>,
     /// Triangle id or [`NO_TRIANGLE`].
     pub triangle: Vec<u32>,
-    /// Depth for a pass that starts from it: 1 at the near plane, 0 at the far plane and where nothing is drawn. Empty if no pass does.
+    /// Depth, if the pass starts with the depth of an earlier pass or a later pass starts with this depth; otherwise empty. 1 at the near
+    /// plane, 0 at the far plane and where nothing is drawn.
     pub depth: Vec<f32>,
 }
 
 impl GBuffer {
-    /// Allocates the attachments asked for, cleared to 0 (triangles to [`NO_TRIANGLE`]).
+    /// Allocates the selected attachments, cleared to 0 (triangles to [`NO_TRIANGLE`]). The depth is left empty.
     ///
     /// # Panics
     /// If there is too little memory; [`Self::try_new`] returns an error instead.

@@ -1,7 +1,7 @@
 //! Protection against panics in crates that read files: a panic becomes an error of the loader that called the crate.
 //!
-//! [`call`] wraps only the calls into such a crate, so that defects of this program still end it with a message. During the call
-//! the panic hook is silent for this thread: the message appears once, in the error.
+//! [`call`] wraps only the calls into such a crate, so that a panic of this program's own code still ends the program with a
+//! message. During the call the panic hook is silent for this thread: the message appears once, in the error.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
@@ -71,8 +71,8 @@ pub(crate) mod plant {
         static PLANTED: Cell<Option<&'static str>> = const { Cell::new(None) };
     }
 
-    /// Runs `body` while every guarded call into the crate `name` panics. A single-threaded pool makes that hold for parallel work
-    /// too.
+    /// Runs `body` while every guarded call into the crate `name` panics. `body` runs in a pool of one thread, so that this holds
+    /// for parallel work too.
     pub(crate) fn in_crate<T: Send>(name: &'static str, body: impl FnOnce() -> T + Send) -> T {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
         pool.install(|| {

@@ -12,10 +12,10 @@ use std::time::Duration;
 /// Largest number of sets of scenes that are kept.
 const MOST: usize = 2;
 
-/// Scenes that successive renderers share, if their [settings](crate::plan::Settings) hold clones of this.
+/// Scenes that successive renderers share, if their [settings](crate::plan::Settings) hold clones of this value.
 ///
 /// A set of scenes is read, decoded and built once for all renderers with the same needs. Files that change meanwhile are not read again.
-/// The two sets that were used last are kept, for as long as a clone of this lives. By default nothing is kept.
+/// The two sets that were used last are kept, for as long as a clone of this value exists. By default nothing is kept.
 #[derive(Debug, Clone, Default)]
 pub struct KeptScenes(Option<Arc<Mutex<Sets>>>);
 
@@ -75,13 +75,13 @@ impl Built {
 }
 
 impl KeptScenes {
-    /// Keeps scenes for the renderers whose settings hold clones of this.
+    /// Keeps scenes for the renderers whose settings hold clones of the returned value.
     #[must_use]
     pub fn shared() -> Self {
         Self(Some(Arc::default()))
     }
 
-    /// Forgets the scenes; renderers that use them keep them.
+    /// Drops the kept scenes. Renderers that use them are not affected.
     pub fn clear(&self) {
         self.with(Vec::clear);
     }
@@ -95,7 +95,7 @@ impl KeptScenes {
         })?
     }
 
-    /// Keeps a set. If there is no room, it replaces the least recently used set.
+    /// Keeps a set. If two sets are kept already, it replaces the least recently used one.
     pub(crate) fn keep(&self, built: Built, set: Kept) {
         self.with(|kept| {
             kept.drain(..(kept.len() + 1).saturating_sub(MOST));

@@ -78,8 +78,8 @@ pub fn copied<T: Copy>(items: &[T]) -> Result<Vec<T>, Refused> {
     Ok(list)
 }
 
-/// Tests whether `bytes` of memory can be allocated at once, and frees them again. It serves crates that allocate without a check: their
-/// need is estimated and tested beforehand.
+/// Tests whether `bytes` of memory can be allocated at once, and frees them again. For crates that do not check their allocations: the
+/// memory that they need is estimated, and tested before the call.
 ///
 /// # Errors
 /// If there is too little memory.

@@ -78,11 +78,12 @@ fn latin_1(_: &OsStr) -> Option<String> {
     None
 }
 
-/// A hint for a missing path: the most similar name in the folder where the path ends. Without one: the number of entries of that folder,
-/// if only the file is missing, otherwise the missing folder.
+/// A hint for a missing path: the name most similar to the path's first missing component, among the entries of the last existing folder.
+/// Without a similar name: the number of entries of that folder, if only the path's last component is missing, otherwise the missing
+/// folder.
 #[must_use]
 pub fn nearest_help(missing: &Path) -> String {
-    /// Greatest number of entries of a folder that are looked at.
+    /// Greatest number of entries of a folder that are examined.
     const MOST: usize = 10_000;
     let lacking = missing.ancestors().find(|part| part.parent().is_some_and(|folder| here(folder).is_dir()));
     let Some((lacking, folder)) = lacking.and_then(|part| Some((part, part.parent()?))) else {
@@ -105,8 +106,8 @@ fn here(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
-/// The relative path from `folder` to `target`, with `/`, as files store it: `../textures/wall.png`. Both are made absolute first.
-/// `None` if they have no common root (two Windows drives) or `target` is not valid Unicode.
+/// The relative path from `folder` to `target`, with `/`, as files store it: `../textures/wall.png`. Both paths are made absolute
+/// first. `None` if they have no common root (two Windows drives) or `target` is not valid Unicode.
 #[must_use]
 pub fn relative_to(folder: &Path, target: &Path) -> Option<String> {
     let folder = absolute(folder)?;

@@ -1,10 +1,10 @@
 //! Positions of the samples within a pixel.
 //!
 //! The samples are Hammersley points with a digital shift: sample `i` of `N = 2^m` lies `(i + 1/2) / N` of a pixel from the left
-//! and `(v + 1/2) / N` from the top, where `v` is `i` with its `m` binary digits reversed and the first `⌊m/2⌋` of them flipped.
-//! They form a (0, m, 2)-net in base 2 (Niederreiter 1987, "Point sets and sequences with small discrepancy", Monatshefte für
-//! Mathematik 104): each of the `N` columns, each of the `N` rows, and each box of area `1/N` from repeatedly halving the pixel
-//! contains one sample. So:
+//! and `(v + 1/2) / N` from the top, where `v` is `i` with its `m` binary digits reversed and then the `⌊m/2⌋` most significant
+//! digits flipped. They form a (0, m, 2)-net in base 2 (Niederreiter 1987, "Point sets and sequences with small discrepancy",
+//! Monatshefte für Mathematik 104): each of the `N` columns, each of the `N` rows, and each box of area `1/N` from repeatedly
+//! halving the pixel contains one sample. So:
 //!
 //! * A vertical or horizontal edge has `N + 1` shades; a regular grid of as many samples has `√N + 1`.
 //! * The mean of the samples is the pixel's centre, and the set is symmetric under half turns; with 4, 16 and 64 samples also under
@@ -13,14 +13,15 @@
 //!
 //! The flipped digits were chosen among all `N` possibilities by the coverage error of half-planes at all angles and distances.
 //!
-//! With an adaptive number, rays are first traced for four samples of every pixel. These lie nearest to the rotated grid of a pixel with
-//! four samples, in pairs that half turns exchange. For the other samples rays are traced only where the results of the first four differ
-//! from each other or from those of neighbours.
+//! With an adaptive number, rays are first traced for four samples of every pixel. These four are the samples nearest to the rotated
+//! grid of a pixel with four samples, in pairs that are exchanged by a rotation by 180 degrees. For the other samples rays are traced
+//! only where the results of the first four differ from each other or from those of neighbours.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64. An adaptive number traces rays for only four of them where these are alike.
+/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64. With an adaptive number, rays are traced for only four of the samples where the
+/// results of these four are alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PixelSamples {
     count: u32,
@@ -51,8 +52,8 @@ impl PixelSamples {
     }
 
     /// The adaptive number with this count. Rays are traced for only four samples where the share of a ray pass, its output divided by
-    /// the colour, differs by at most `tolerance`, 0 to 1, in a pixel and from its neighbours. `None` for another tolerance, or for at
-    /// most four samples.
+    /// the colour, differs by at most `tolerance`, 0 to 1, within a pixel and between the pixel and its neighbours. `None` for another
+    /// tolerance, or for at most four samples.
     #[must_use]
     pub fn within(self, tolerance: f32) -> Option<Self> {
         let valid = self.count > Self::FIRST && (0.0..=Self::LARGEST_TOLERANCE).contains(&tolerance);
@@ -117,7 +118,7 @@ impl PixelSamples {
         [sample, flipped].map(|cell| (cell as f32 + 0.5) / self.count as f32 - 0.5)
     }
 
-    /// Side of the square that a sample stands for, in pixels: the footprint of texture filtering. All samples together then filter
+    /// Side of the square that a sample represents, in pixels: the footprint of texture filtering. All samples together then filter
     /// as much as a single sample for the whole pixel.
     #[must_use]
     pub fn side(self) -> f32 {

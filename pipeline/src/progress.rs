@@ -3,12 +3,12 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A request to stop, shared between the renderer and whoever may cancel it: all clones are one request.
+/// A request to stop, shared between the renderer and the code that may cancel it: all clones are the same request.
 ///
 /// The request is checked between passes and between parts of a picture. On the processor it is also checked between the tiles of raster
 /// and effect passes, the pixels of ray passes, the rows of quads, and the steps of building a structure. A frame that is given up ends
-/// in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that a request
-/// between two frames is not lost.
+/// in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stays set until [`Self::reset`], so that a
+/// request between two frames is not lost.
 #[derive(Debug, Clone, Default)]
 pub struct Cancellation(Arc<AtomicBool>);
 
@@ -19,7 +19,7 @@ impl Cancellation {
         Self::default()
     }
 
-    /// Asks to stop. May be called from any thread, and from a signal handler.
+    /// Sets the request. May be called from any thread, and from a signal handler.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -46,7 +46,7 @@ pub struct Progress {
     followed: Mutex<Option<Followed>>,
 }
 
-/// A step whose progress another step follows: its start and end are these two shares of the other step's total.
+/// A step that another [`Progress`] follows. `shares` are the shares of the follower's total at the start and at the end of `step`.
 #[derive(Debug)]
 struct Followed {
     step: Arc<Progress>,
@@ -76,13 +76,14 @@ impl Progress {
         Self { cancellation: self.cancellation.clone(), given_up: Arc::clone(&self.given_up), ..Self::default() }
     }
 
-    /// Whether a thread that works on the step was told to give it up: the output is then not whole.
+    /// Whether a call of [`Self::is_cancelled`] for the step or one of its parts has returned `true`: the output is then not whole.
     #[must_use]
     pub fn is_given_up(&self) -> bool {
         self.given_up.load(Ordering::Relaxed)
     }
 
-    /// From now on this count follows the progress of `step`: it moves from the first to the second share (0 to 1) of its own total.
+    /// From now on this count follows the progress of `step`: while `step` runs, the count moves from the first to the second share of
+    /// this count's own total. Shares are from 0 to 1.
     pub(crate) fn follow(&self, step: &Arc<Self>, shares: [f64; 2]) {
         *self.followed.lock().unwrap_or_else(PoisonError::into_inner) =
             Some(Followed { step: Arc::clone(step), shares });

@@ -1,7 +1,7 @@
 //! The table of raster effects: they compute what a ray program computes, with raster maps and loops over the G-buffer.
 //!
 //! A pass of `class="effect"` names one of these programs. It reads and writes the same as the ray pass that it replaces, so that a
-//! project can have either. Help, XML validation, `curitiba list`, reports and tests iterate these tables.
+//! project can use either of the two passes. Help, XML validation, `curitiba list`, reports and tests iterate these tables.
 
 use crate::programs::{Fresnel, LARGEST_SUN, MAX_FILTER_LEVELS, ParamInfo, RayParams, RayProgram, TextureLod, Values};
 
@@ -33,7 +33,7 @@ pub enum EffectProgram {
     HorizonOcclusion,
 }
 
-/// What glass shows where a ray has no answer in screen space.
+/// What glass shows where screen space does not determine what a ray hits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Missing {
     /// What a cube map shows in the ray's direction.
@@ -47,7 +47,7 @@ pub enum Missing {
 
 named!(Missing, "cube" => Cube, "none" => Own, "rays" => Rays);
 
-/// What a pixel shows if the shadow map around its position does not settle whether it is in light or in shadow.
+/// What a pixel shows if the tests of the shadow map around its position do not agree on whether it is in light or in shadow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Border {
     /// The mean of the map's tests, as at every other pixel.
@@ -65,7 +65,7 @@ pub enum Parallax {
     /// In the ray's own direction, as if the surroundings were infinitely far away.
     #[default]
     None,
-    /// In the direction from the centre to the point where the ray leaves a box that stands for the surroundings.
+    /// In the direction from the centre to the point where the ray leaves a box that approximates the surroundings.
     Box,
 }
 
@@ -89,21 +89,21 @@ pub struct EffectParams {
     pub planes: u32,
     /// Index of refraction of a whole pane.
     pub index: f32,
-    /// How much a pane reflects.
+    /// Model of the share of light that a pane reflects.
     pub fresnel: Fresnel,
     /// Longest distance to an occluder, scene units.
     pub radius: f32,
     /// Exponent applied to the unoccluded share of directions.
     pub intensity: f32,
-    /// Directions in which occluders are looked for.
+    /// Number of directions in the picture along which occluders are searched.
     pub slices: u32,
-    /// Depths read in each half of a direction.
+    /// Number of depths that are read along a direction, on each side of the pixel.
     pub steps: u32,
     /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard.
     pub sun: f32,
     /// Depth behind a visible surface up to which a ray still hits it, scene units.
     pub thickness: f32,
-    /// What replaces rays without an answer in screen space.
+    /// What replaces rays whose hit screen space does not determine.
     pub missing: Missing,
     /// How cube maps are looked up.
     pub parallax: Parallax,
@@ -114,12 +114,13 @@ pub struct EffectParams {
     pub filter: u32,
     /// What pixels at the border of a shadow show.
     pub border: Border,
-    /// At which mip level rays in place of the effect read textures at hits: for pixels that it leaves to rays, and for reference pictures.
+    /// Mip level at which rays in place of the effect read textures at hits: for pixels that the effect leaves to rays, and for reference
+    /// pictures.
     pub texture_lod: TextureLod,
 }
 
 impl Default for EffectParams {
-    /// The report's constants where it has them.
+    /// The report's constants where the report has them.
     fn default() -> Self {
         Self {
             map_size: 0,
@@ -376,7 +377,7 @@ pub struct EffectProgramInfo {
     pub buffers: &'static [&'static str],
     /// Whether it reads the light.
     pub lit: bool,
-    /// Whether it looks for glass, by the ids of the triangles seen.
+    /// Whether it identifies pixels that show glass, by their triangle ids.
     pub glass: bool,
     /// Parameters that it reads, by their names in [`EFFECT_PARAMS`].
     pub params: &'static [&'static str],

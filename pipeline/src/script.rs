@@ -2,8 +2,8 @@
 //! run only while a project is read; their decisions are written into the passes.
 //!
 //! Scripts are untrusted. They have no files, no clock and no random numbers. Instructions ([`INSTRUCTIONS`]), memory ([`MEMORY`]) and
-//! nesting are bounded. The work of an instruction is bounded too: the libraries of strings and tables are left out, whose functions do
-//! as much work as their arguments ask for.
+//! nesting are bounded. The work of an instruction is bounded too: the libraries of strings and tables are left out, because the work
+//! of one call of their functions grows with the values of its arguments.
 
 use crate::guard;
 use omnilua::{Error, HostHooks, Lua, LuaVersion, Sandbox, SandboxConfig, Table, TripReason, Value, Variadic};
@@ -18,13 +18,13 @@ const INSTRUCTIONS: u64 = 1_000_000;
 /// Greatest number of bytes that the scripts of a pipeline hold.
 const MEMORY: usize = 1 << 20;
 
-/// Lua globals that scripts may use, besides `math` and the functions of the engine.
+/// Lua globals that scripts may use, besides `math`, the functions of the engine, and `print` and `io`, which do nothing.
 const KEPT: [&str; 9] = ["assert", "error", "ipairs", "next", "pairs", "select", "tonumber", "tostring", "type"];
 /// Functions of `math` that scripts may not use: their results would differ each time.
 const RANDOM: [&str; 2] = ["random", "randomseed"];
 /// Functions of the engine that change no picture. They do nothing here.
 const SAVING: [&str; 4] = ["saveTexture", "saveBuffer", "saveProfiler", "screenshot"];
-/// Functions of the engine on buffers. They are refused: buffers lie on the device while passes run, and scripts run before.
+/// Functions of the engine on buffers. Calls are errors: buffers exist only while passes run, and scripts run before the first pass.
 const BUFFERS: [&str; 2] = ["getBuffer", "setBuffer"];
 
 /// An attribute, as a script names it.
@@ -90,7 +90,7 @@ impl Scripts {
         let lua = Lua::with_hooks_versioned(HostHooks::default(), LuaVersion::V53)?;
         let globals = lua.globals();
         let math: Table = globals.get("math")?;
-        // Strings find their functions by their metatable, even without the global name. So the table itself is emptied.
+        // The metatable of strings refers to the table `string` even without the global name, so the table itself is emptied.
         strip(&globals.get::<_, Table>("string")?, |_| false)?;
         strip(&math, |name| !RANDOM.contains(&name))?;
         strip(&globals, |name| KEPT.contains(&name) || name == "math")?;
@@ -137,12 +137,12 @@ impl Scripts {
         Ok(Self { lua, sandbox, left_out })
     }
 
-    /// Runs a file, which defines functions. `file` is its number in faults.
+    /// Runs the source of a file, which defines functions. `file` is the file's number in faults.
     ///
     /// # Errors
-    /// If the text is no Lua, or the script fails.
+    /// If the source is not valid Lua, or running it fails.
     pub fn load(&self, file: u32, text: &str) -> Result<(), Fault> {
-        // Compiled code starts with this byte. Its effect on an interpreter that trusts its compiler is not known.
+        // Compiled code starts with this byte. It is refused: its effect on an interpreter that trusts its compiler is not known.
         if text.starts_with('\x1b') {
             return Err(Fault::nowhere("it is compiled; valid: the text of a script"));
         }
@@ -157,10 +157,10 @@ impl Scripts {
         self.returned(name).map(drop)
     }
 
-    /// The answer of a function without arguments.
+    /// Calls a function without arguments and returns its boolean result.
     ///
     /// # Errors
-    /// If there is no such function, it fails, or its answer is neither true nor false.
+    /// If there is no such function, it fails, or its result is no boolean.
     pub fn test(&self, name: &str) -> Result<bool, Fault> {
         match self.returned(name)? {
             Value::Boolean(answer) => Ok(answer),
@@ -243,8 +243,8 @@ fn nothing(
     })
 }
 
-/// The table `io`. Its `open` makes a file that discards what is written. It makes a new file for each call: a function that held a file
-/// would hold the interpreter, which holds the function, and neither would ever be freed.
+/// The table `io`. Its `open` makes a file that discards what is written. `open` makes a new file for each call: a function that held a
+/// file would hold the interpreter, which holds the function, and neither would ever be freed.
 fn files(lua: &Lua, left_out: &Rc<RefCell<BTreeSet<&'static str>>>) -> Result<Table, Error> {
     let io = lua.create_table()?;
     let left_out = Rc::clone(left_out);

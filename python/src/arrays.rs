@@ -81,7 +81,7 @@ impl<'py> PerRay<'py> {
         }
     }
 
-    /// The values; a single value stands for all rays.
+    /// The values; a single value applies to all rays.
     pub fn values(&self) -> PyResult<Values<'_>> {
         Ok(match &self.0 {
             Ok(one) => Values::One(*one),

@@ -43,7 +43,7 @@ impl Rays<'_> {
         Ray { origin, direction: self.directions[index], t_min: self.t_min.at(index), t_max: self.t_max.at(index) }
     }
 
-    /// The answer for each ray, in order; `none` for rays that were not traced because of a request to stop.
+    /// The result of `ask` for each ray, in order; `none` for rays that were not traced because of a request to stop.
     fn each<T: Clone + Send>(&self, progress: &Progress, none: T, ask: impl Fn(&Ray) -> T + Sync) -> Vec<T> {
         let mut results = vec![none; self.directions.len()];
         progress.start(results.len() as u64);

@@ -1,4 +1,4 @@
-//! Long work beside the interpreter: other Python threads go on, Ctrl-C is handled, and a line shows the progress.
+//! Long work on a thread other than the interpreter's: other Python threads go on, Ctrl-C is handled, and a line shows the progress.
 
 use curitiba::pipeline::executor::{Cancellation, Observer, Progress, StepKind};
 use pyo3::exceptions::PyKeyboardInterrupt;
@@ -84,9 +84,9 @@ impl Line<'_> {
     }
 }
 
-/// Waits for a result with the interpreter released. After Ctrl-C, `stop` asks the work to end; the exception is raised when it has.
+/// Waits for a result with the interpreter released. After Ctrl-C, `stop` is cancelled, and the exception is raised once the work has ended.
 ///
-/// `None` if the worker is gone without a result.
+/// `None` if the worker ended without a result.
 pub fn wait<T: Send>(py: Python<'_>, stop: &Cancellation, watch: &Watch, result: Receiver<T>) -> PyResult<Option<T>> {
     let result = Mutex::new(result);
     let next = || result.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).recv_timeout(ASKED);
@@ -112,10 +112,10 @@ pub fn wait<T: Send>(py: Python<'_>, stop: &Cancellation, watch: &Watch, result:
     }
 }
 
-/// Runs work that borrows its inputs on a thread of its own, and waits for it to end. `step` is its name in the progress line.
+/// Runs `work`, which may borrow its inputs, on a thread of its own, and waits for its end. `step` is the name of the work in the progress line.
 ///
 /// # Errors
-/// `KeyboardInterrupt` after Ctrl-C; the work has to ask its progress whether to end early.
+/// `KeyboardInterrupt` after Ctrl-C. It is raised once the work ends, so long work must check its progress for cancellation.
 pub fn run<T: Send>(py: Python<'_>, step: &str, work: impl FnOnce(&Progress) -> T + Send) -> PyResult<T> {
     let stop = Cancellation::new();
     let progress = Arc::new(Progress::until(&stop));

@@ -16,7 +16,8 @@ pub struct Case {
     pub key: String,
     /// Name for readers: `AO, 100 samples`.
     pub label: String,
-    /// Name of the effect: `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
+    /// Name of the effect: `none`, or the short name of the ray program that computes it or corresponds to it, such as `ao` or `all`. `-but-ao`
+    /// follows the name of a program of several effects that takes 0 occlusion samples. Reports also use `soft-shadows`.
     pub effect: String,
     /// Whether the effect is computed by rays or by rasterisation.
     pub technique: Technique,

@@ -3,7 +3,8 @@
 use super::model::{BenchFile, BenchRow, RowError};
 use super::text::median_and_interval;
 
-/// The cells of the table, header first; all rows have the same length. A benchmark row that one machine measured twice takes two lines.
+/// The cells of the table, header first; all rows have the same length. A benchmark row that one machine measured twice gives two lines of the
+/// table.
 ///
 /// Columns: effect, view, engines, and for each machine the median with its 95 % interval (milliseconds) and the root mean
 /// square error. Missing measurements are dashes.

@@ -11,13 +11,13 @@ use rayon::prelude::*;
 /// Number of pixels hashed by one task.
 const CHUNK: usize = 1 << 14;
 
-/// A hash in the notation of files.
+/// A hash as 32 hexadecimal digits, as in benchmark files.
 #[must_use]
 pub fn hex(hash: u128) -> String {
     format!("{hash:032x}")
 }
 
-/// A short identifier of a text, the same on every machine: the two halves of its hash, combined.
+/// A short identifier of a text, the same on every machine: the exclusive or of the two halves of the text's hash, as 16 hexadecimal digits.
 #[must_use]
 pub fn short_hash(text: &str) -> String {
     let hash = fnv1a(text.as_bytes());

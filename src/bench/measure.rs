@@ -9,7 +9,7 @@ use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
 use crate::pipeline::image::Image;
 use std::time::{Duration, Instant};
 
-/// Name of a file of the kind that frames are drawn for. It is not written.
+/// File name that determines the format for which frames are drawn: PNG. No such file is written.
 pub(super) const AS_WRITTEN: &str = "picture.png";
 
 /// Number of frames of a measurement.
@@ -70,7 +70,8 @@ pub fn measure_with(
     Ok(Measured { row, renderer, picture })
 }
 
-/// Renders at least `frames` frames. If a step has device times, it goes on for `BUSY`: devices lower their clock while idle.
+/// Renders at least `frames` frames. If a step has device times, more frames are rendered until `BUSY` has passed, since devices lower their clock
+/// while idle.
 fn warm_up(renderer: &mut Renderer, frames: u32, observer: &mut dyn Observer) -> Result<(), RenderError> {
     /// Least time of warm-up on a device. An H100 raises its clock within a fifth of a second of work.
     const BUSY: Duration = Duration::from_millis(400);
@@ -88,8 +89,8 @@ fn warm_up(renderer: &mut Renderer, frames: u32, observer: &mut dyn Observer) ->
     }
 }
 
-/// Renders `count` frames, at least 1, with an open renderer, which may have rendered others before. Collects the times of all steps as a
-/// row.
+/// Renders `count` frames, at least 1, with an open renderer, which may have rendered frames before. Returns a row with the times of all steps of
+/// these frames.
 ///
 /// # Errors
 /// If a frame fails.

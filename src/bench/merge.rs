@@ -312,13 +312,13 @@ fn repeated(rows: &[BenchRow], machines: &[Environment]) -> Vec<String> {
         .collect()
 }
 
-/// A warning about a build whose source is not known exactly.
+/// A warning if the commit of the build is unknown, or the build had uncommitted changes.
 fn changed(machine: &Environment) -> Option<String> {
     let unsure = machine.commit == "unknown" || machine.commit.ends_with("-dirty");
     unsure.then(|| format!("the commit is `{}`: whether all were measured by one program is not known", machine.commit))
 }
 
-/// The rows of the list that no source contains, neither as measured nor as impossible.
+/// The rows of the list that no source contains, neither with a measurement nor with a reason why there is none.
 fn missing(list: Option<&RowList>, sources: &[Source]) -> Vec<ListedRow> {
     let Some(list) = list else { return Vec::new() };
     let mut there = vec![false; list.rows.len()];

@@ -61,7 +61,8 @@ pub struct PairedRounds {
 }
 
 impl PairedRounds {
-    /// The times of a row in all rounds, milliseconds; `None` if it is not one of the rows, or a round lacks it.
+    /// The times of the row with key `row` in all rounds, milliseconds; `None` if the key is not in [`Self::rows`], or a round lacks the row's
+    /// time.
     #[must_use]
     pub fn of(&self, row: &str) -> Option<Vec<f64>> {
         let index = self.rows.iter().position(|key| key == row)?;
@@ -119,7 +120,7 @@ pub struct BenchRow {
     pub key: String,
     /// Name for readers: `AO, 100 samples`.
     pub label: String,
-    /// Name of the effect: `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
+    /// Name of the effect, as in [`Case::effect`](super::case::Case::effect).
     pub effect: String,
     /// Whether the effect is computed by rays or by rasterisation.
     pub technique: Technique,
@@ -170,7 +171,7 @@ pub struct BenchRow {
     /// before 2026-11-24.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_error: Option<RowError>,
-    /// The figure of the report of 2014 for this row; `None` if that has no such row.
+    /// The figure of the report of 2014 for this row; `None` if that report has no such row.
     pub thesis: Option<ThesisFigure>,
     /// Identity of the inputs; `None` in files from before 2026-11-23, and in reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -178,7 +179,7 @@ pub struct BenchRow {
     /// Hash of the last frame's picture, bit for bit; `None` as for [`Self::inputs`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
-    /// Index into [`BenchFile::machines`]; 0 if that is empty.
+    /// Index into [`BenchFile::machines`]; 0 if that list is empty.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub machine: usize,
 }
@@ -287,7 +288,8 @@ pub struct BenchStep {
     pub rays: Option<RayCounts>,
     /// Millions of rays per second of median host time.
     pub mrays_per_second: Option<f64>,
-    /// How the glass pixels of one frame were answered; only for effects that march rays through screen space.
+    /// Numbers of glass pixels of one frame by the source of their colour: screen space, cube map, rays or none. `None` for effects that do not
+    /// march rays through screen space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
     /// Number of paths of adaptive sampling of stochastic glass in one frame; only for ray passes with `error`.
@@ -297,16 +299,16 @@ pub struct BenchStep {
     pub note: String,
 }
 
-/// A figure of the report.
+/// A figure of the report of 2014.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThesisFigure {
     /// Milliseconds per frame.
     pub frame_ms: f64,
     /// Percentage of the frame time in the ray pass; `None` if the report does not give it.
     pub ray_percent: Option<f64>,
-    /// The report's machine.
+    /// The machine of the report of 2014.
     pub machine: String,
-    /// The report's time divided by our median: above 1 if this program is faster. `None` if the row has another size than the
+    /// The time in the report of 2014 divided by our median: above 1 if this program is faster. `None` if the row has another size than the
     /// report's, since times of different numbers of pixels have no meaningful ratio.
     pub ratio: Option<f64>,
 }
@@ -348,7 +350,7 @@ impl Stats {
         })
     }
 
-    /// The statistics of the samples of both, as different rounds.
+    /// The statistics of the samples of `self` and `more` together; their rounds stay separate.
     #[must_use]
     pub fn joined(&self, more: &Self) -> Self {
         let joined = Self::new([self.samples.as_slice(), &more.samples].concat());

@@ -1,4 +1,4 @@
-//! The report's table 2: its rows, its figures, and the corresponding projects.
+//! Table 2 of the report of 2014, called the report below: its rows, its figures, and the corresponding projects.
 
 use super::case::Case;
 use super::model::{BenchRow, ThesisFigure};
@@ -25,7 +25,7 @@ pub struct TableRow {
     pub samples: Option<u32>,
     /// The report's time per frame, milliseconds.
     pub frame_ms: f64,
-    /// The report's percentage of the frame time in the ray pass; `None` if it does not give it.
+    /// The report's percentage of the frame time in the ray pass; `None` if the report does not give it.
     pub ray_percent: Option<f64>,
 }
 
@@ -75,7 +75,7 @@ pub const ROWS: [TableRow; 19] = [
 ];
 
 impl TableRow {
-    /// The case that measures this row with the projects in a folder, with the given settings and the row's own.
+    /// The case that measures this row with the project in the folder `projects`. The row's number of samples and view replace those of `settings`.
     ///
     /// # Errors
     /// As [`Case::new`].

@@ -90,7 +90,8 @@ pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
     steps.map(|step| step.device.as_ref().map(|device| device.median)).sum()
 }
 
-/// How the glass pixels of one frame were answered, summed over all effects; `None` if no effect marches rays through screen space.
+/// Numbers of glass pixels of one frame by the source of their colour, summed over all effects; `None` if no effect marches rays through screen
+/// space.
 #[must_use]
 pub fn answers(row: &BenchRow) -> Option<Answers> {
     row.steps.iter().filter_map(|step| step.answers).reduce(|a, b| Answers {
@@ -101,7 +102,7 @@ pub fn answers(row: &BenchRow) -> Option<Answers> {
     })
 }
 
-/// Shares of the glass pixels that screen space, a cube map and rays answered, and of those whose rays nothing answered. `None` without
+/// Shares of the glass pixels that got their colour from screen space, from a cube map and from rays, and of those that got none. `None` without
 /// [`answers`], or if no glass is visible.
 #[must_use]
 pub fn answered_shares(row: &BenchRow) -> Option<[f64; 4]> {
@@ -109,7 +110,7 @@ pub fn answered_shares(row: &BenchRow) -> Option<[f64; 4]> {
     Some([found.screen, found.cube, found.rays, found.kept].map(|pixels| pixels as f64 / found.glass() as f64))
 }
 
-/// Lines about how the glass pixels were answered, one for each row that has [`answers`].
+/// Lines about the sources of the colours of glass pixels, one for each row that has [`answers`].
 #[must_use]
 pub fn of_answers(rows: &[BenchRow]) -> Vec<String> {
     let line = |row: &BenchRow| Some(format!("{}, {}: {}", row.label, row.view, answers(row)?));
@@ -143,8 +144,8 @@ fn ms(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A sentence about the frames whose times are severe [outliers](super::Outliers), with the row that has the largest share of
-/// them; `None` if there are none.
+/// A sentence about the frames whose times are severe [outliers](super::Outliers), with the row that has the largest share of such frames; `None`
+/// if there are none.
 #[must_use]
 pub fn of_outliers<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Option<String> {
     let (mut severe, mut frames) = (0, 0);

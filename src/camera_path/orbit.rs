@@ -48,8 +48,8 @@ impl Orbit {
         Ok(Self { center, radius, frames, elevation })
     }
 
-    /// The circle's axis is the positive or negative world axis nearest to the camera's own up vector; it is the up vector of every frame.
-    /// At elevation 0, frame 0 looks against the cyclically next positive axis (with y up, towards -z). The camera then moves towards the
+    /// The circle's axis is the positive or negative world axis nearest to the camera's own up vector; this axis is also the up vector of every
+    /// frame. At elevation 0, frame 0 looks against the cyclically next positive axis (with y up, towards -z). The camera then moves towards the
     /// positive axis after that, or away from it if the circle's axis is a negative one.
     pub(super) fn pose(&self, frame: u32, own: Pose) -> Pose {
         let up = axis(own.up);

@@ -185,7 +185,8 @@ impl FrameRecord {
     }
 }
 
-/// Mean and 99th percentile of times (nearest rank; with fewer than 100 times it is the largest); `None` for an empty list.
+/// Mean and 99th percentile of times; `None` for an empty list. The percentile is by nearest rank: with fewer than 100 times it is the largest
+/// time.
 #[must_use]
 pub fn mean_and_p99(times: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = times.to_vec();

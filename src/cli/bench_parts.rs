@@ -92,7 +92,7 @@ pub(super) fn run(args: &BenchArgs, folder: &Path) -> Result<(), Failure> {
     first_failure.map_or(Ok(()), Err)
 }
 
-/// Fails if references would be refined row by row: they would then depend on the rows that one process happens to measure.
+/// Fails if references would be refined row by row: refined references would depend on the rows that one process happens to measure.
 fn check_noise(args: &BenchArgs, jobs: &[Job]) -> Result<(), Failure> {
     if args.no_error || args.reference_samples.is_some() {
         return Ok(());
@@ -127,8 +127,8 @@ impl Measuring {
         Ok(Self { file, choices, rows: Rows::new(args, references_folder(args)) })
     }
 
-    /// Measures a row. If an engine does not support it at all, the part records that answer instead of a row. If the engine is
-    /// missing here, the row is left to another machine.
+    /// Measures a row. If an engine does not support the row at all, the part records the reason instead of a row. If this machine lacks the
+    /// engine, the result is an error, so that another machine can measure the row.
     fn row(&mut self, job: &Job, place: (usize, usize)) -> Result<BenchFile, Failure> {
         if !self.choices.contains(&job.case.choice) {
             let engines = job.case.choice.rays_in_words();

@@ -30,7 +30,7 @@ pub(super) struct Rows {
 pub(super) struct Missing {
     /// The row and the reason.
     pub what: Unavailable,
-    /// The failure that ends the command; `None` if an engine does not support the row at all, which is a valid answer.
+    /// The failure that ends the command; `None` if an engine does not support the row at all, which is a valid result.
     pub failure: Option<Failure>,
 }
 
@@ -47,7 +47,7 @@ impl Rows {
         }
     }
 
-    /// Measures a row and its errors; `place` is its index and the number of rows. Reports progress on the error stream.
+    /// Measures a row and its errors; `place` is the row's index and the number of all rows. Reports progress on the error stream.
     pub fn measure(&mut self, job: &Job, place: (usize, usize)) -> Result<BenchRow, Missing> {
         let case = &job.case;
         let measured = self.times(job, place, 1)?;
@@ -111,7 +111,7 @@ fn missing(job: &Job, error: OpenError) -> Missing {
     Missing { what, failure: (!is_unsupported(&error)).then(|| Failure::from(error)) }
 }
 
-/// Whether an engine does not support a case at all, which is a valid answer and not a failure.
+/// Whether an engine does not support a case at all, which is a valid result and not a failure.
 fn is_unsupported(error: &OpenError) -> bool {
     matches!(
         error,

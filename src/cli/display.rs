@@ -9,7 +9,7 @@ use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::{Duration, Instant};
 use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
-/// Timeout for the viewer to answer or to accept a packet.
+/// Timeout for the viewer to accept the connection, or to accept a packet.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Least time between two pictures of an accumulation.
 const PAUSE: Duration = Duration::from_millis(250);

@@ -195,11 +195,11 @@ fn filters(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     plan.passes.iter().filter_map(of).collect()
 }
 
-/// The recommended levels of the filter for this number of occlusion rays, and for a radius that is this share of the scene's diagonal. `None`
-/// if more rays are as good.
+/// The recommended levels of the filter for this number of occlusion rays, and for a radius that is this share of the scene's diagonal. `None` if
+/// no filter is recommended.
 ///
-/// By the tables of `docs/projects.md`: at short radii, more rays cost less than a filter. With more than 16 rays, their noise is less than the
-/// error of the filter's blur.
+/// By the tables of `docs/projects.md`: at short radii, more rays cost less than a filter. With more than 16 rays, the noise is less than the error
+/// of the filter's blur.
 fn recommended_filter(samples: u32, share: f64) -> Option<u32> {
     const LONG: f64 = 0.03;
     match samples {

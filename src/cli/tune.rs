@@ -16,7 +16,7 @@ use std::time::Duration;
 /// Number of next best candidates that are named with the chosen one.
 const NEXT_BEST: usize = 2;
 
-/// Measures candidates, chooses one, writes its project and measures that.
+/// Measures candidates, chooses one, writes its project and measures the written project.
 pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     set_threads(args.project.threads)?;
     tell_fastest(args.project.choice());

@@ -28,7 +28,7 @@ pub fn run(confine: Option<&Path>, arguments: &[OsString]) -> Result<(), Failure
     }
 }
 
-/// The program beside this one, if it exists.
+/// The window's program in the folder of this program, if it exists.
 fn beside() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     let program = own.with_file_name(format!("{PROGRAM}{}", std::env::consts::EXE_SUFFIX));

@@ -1,9 +1,8 @@
 //! References with many samples, divided into blocks that several processes can render.
 //!
-//! A reference is the mean of two estimates. A block consists of a fixed number of samples of both, and its two pictures do not
-//! depend on the process that renders it. The reference is the mean of its blocks, in `f64` and in their order, so it is the same,
-//! bit for bit, however the blocks were distributed. Blocks are stored beside references until they are joined, so a killed run can
-//! be continued.
+//! A reference is the mean of two estimates. A block consists of a fixed number of samples of each estimate, and the two pictures of a block do not
+//! depend on the process that renders it. The reference is the mean of its blocks, in `f64` and in their order, so it is the same, bit for bit,
+//! however the blocks were distributed. Blocks are stored in the folder of the references until they are joined, so a killed run can be continued.
 
 use super::cache::{Entry, Folder};
 use super::{ReferenceError, mean_of_two};
@@ -15,7 +14,7 @@ use std::time::{Duration, Instant};
 
 /// The blocks of a reference.
 pub(super) struct Blocks<'a> {
-    /// Folder in which they are stored.
+    /// Folder in which the blocks are stored.
     pub folder: &'a Folder,
     /// Everything that determines a block, except its index.
     pub base: String,
@@ -51,7 +50,7 @@ pub struct Part {
 type Estimates = [Image; 2];
 
 impl Blocks<'_> {
-    /// Renders the blocks of a shard that are not stored yet; joins the blocks if the shard is all the work.
+    /// Renders the blocks of a shard that are not stored yet; joins all blocks into the reference if the shard is `Shard::WHOLE`.
     pub fn work(
         &self,
         shard: Shard,

@@ -34,8 +34,8 @@ pub enum Made {
 
 impl References {
     /// Renders and stores a reference of a case, unless it is stored already. For the picture `samples` is the number of samples a pixel, a power
-    /// of two within [`PICTURE_SAMPLES`](super::PICTURE_SAMPLES), and a stored reference with more is returned instead. For the effect it is
-    /// the number in each of the two renders, 1 to [`MOST_SAMPLES`](super::MOST_SAMPLES), and a stored reference must have exactly that.
+    /// of two within [`PICTURE_SAMPLES`](super::PICTURE_SAMPLES), and a stored reference with more is returned instead. For the effect, `samples`
+    /// is the number in each of the two renders, 1 to [`MOST_SAMPLES`](super::MOST_SAMPLES), and a stored reference must have exactly that number.
     ///
     /// Large numbers of samples are divided into blocks. A shard renders and stores its blocks; a later request for the whole joins
     /// the stored blocks and renders missing ones. The picture is the same, bit for bit, whoever rendered the blocks.

@@ -1,21 +1,20 @@
-//! References: what the picture of a row should be, rendered with more care than any row.
+//! References: what the picture of a row of a benchmark table should be, rendered more accurately than any row.
 //!
 //! | the row computes | its reference |
 //! |---|---|
 //! | nothing by rays | the cpu rasteriser's picture |
 //! | rays without noise | the same G-buffer, traced in `f64` by [`Double`](crate::passes::trace::Double) |
-//! | ambient occlusion | the mean of two renders with different seeds and as many samples as it takes |
+//! | ambient occlusion, or shadows of a light's disc | the mean of two renders with different seeds and as many samples as needed |
 //! | a raster effect | the reference of the ray program in its place, with the constants that both have |
 //!
 //! All references use the corrected programs, whatever the row's fidelity: errors are measured against the correct result.
 //! G-buffers are the cpu rasteriser's, whatever drew the row.
 //!
-//! The number of samples is doubled until the estimated error of the reference is a tenth of the error that it measures. The
-//! estimate is half the root mean square difference of the two renders, which is the error of their mean if their errors are
-//! independent and unbiased. The exponent of occlusion causes a bias that shrinks with the square of the noise; at the numbers of
-//! samples used here it is far below the noise.
+//! The number of samples is doubled until the estimated error of the reference is at most a tenth of the row's error. The estimate is half the root
+//! mean square difference of the two renders, which is the error of their mean if their errors are independent and unbiased. The exponent of
+//! occlusion causes a bias that shrinks with the square of the noise; at the numbers of samples used here it is far below the noise.
 //!
-//! The reference that a row is compared with then depends on the rows before it. With a fixed number of samples
+//! With doubling, the reference that a row is compared with depends on the rows before that row. With a fixed number of samples
 //! ([`References::with_samples`]) it depends on the row alone, so that rows can be distributed over processes.
 //!
 //! # References of the picture
@@ -80,8 +79,8 @@ pub const PICTURE_SAMPLES: (u32, u32) = (64, 65_536);
 /// if it changes, they have other file names.
 const PICTURE_BLOCK: u32 = 1024;
 
-/// Samples in a block of each of the two renders of a reference of the effect. Numbers of samples that are no multiple of it are
-/// rendered in one piece.
+/// Samples in a block of each of the two renders of a reference of the effect. Numbers of samples that are no multiple of this are rendered in one
+/// piece.
 const EFFECT_BLOCK: u32 = 4096;
 
 /// Seeds of the two renders, far from those that users choose.
@@ -177,8 +176,8 @@ struct Open {
 }
 
 impl References {
-    /// References in `folder`, which is made when the first one is written. `allowance` is the time for refining one reference; its
-    /// first render is made however long it takes.
+    /// References in `folder`, which is made when the first reference is written. `allowance` is the time for refining one reference; the first
+    /// render of a reference is made however long it takes.
     #[must_use]
     pub fn new(folder: PathBuf, allowance: Duration) -> Self {
         Self {
@@ -227,8 +226,8 @@ impl References {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Compares a row's picture with its reference. The reference is refined until its own error is below the row's error divided
-    /// by [`MARGIN`], or until time or samples are used up; the row then says how much is missing.
+    /// Compares a row's picture with its reference. The reference is refined until its own error is at most the row's error divided by [`MARGIN`],
+    /// or until time or samples are used up. In the second case the description of the reference in the result says how much is missing.
     ///
     /// # Errors
     /// If the reference cannot be rendered, or the pictures cannot be compared.
@@ -270,8 +269,8 @@ impl References {
         Ok(self.held[&base].reference.clone())
     }
 
-    /// Compares a row's picture with the reference of the picture, if that is stored; otherwise the result says why not, and how to
-    /// make it. Nothing is rendered.
+    /// Compares a row's picture with the reference of the picture, if that reference is stored; otherwise the result says why it is missing, and
+    /// how to make it. Nothing is rendered.
     ///
     /// # Errors
     /// If the scene cannot be loaded, or the pictures cannot be compared.
@@ -384,7 +383,7 @@ impl References {
         Ok(base)
     }
 
-    /// Renders a reference with more samples and returns `None`, or returns why it does not.
+    /// Renders a reference with more samples and returns `None`, or renders nothing and returns the reason.
     fn refine(
         &mut self,
         request: &Request,

@@ -1,4 +1,4 @@
-//! Translates the passes of a plan for the reference renderer: into one expression, from the window back to what the camera sees.
+//! Translates the passes of a plan into one expression for the reference renderer, from the window back to what the camera sees.
 
 use crate::args::quoted;
 use crate::bench::Case;
@@ -139,7 +139,8 @@ fn of_materials(pass: &Traced<'_>) -> Vec<String> {
     }
     let spreads = |dielectric: &Dielectric| dielectric.spread > 0.0;
     words.extend(table.iter().any(spreads).then(|| format!("colours are bent apart {}", params.wavelengths > 1)));
-    // Earlier references applied no absorption to what a camera inside a body sees directly. With this line, later ones have other names.
+    // Stored references without this line applied no absorption to what a camera inside a body sees directly. The line gives correct references
+    // other names.
     words.extend(pass.look.absorbs().then(|| "the body around the camera absorbs all that is seen".to_owned()));
     words
 }
@@ -210,7 +211,7 @@ struct Expression<'p, 'a> {
     look: &'p dyn Fn(usize) -> Look<'a>,
     /// The exact spheres of a set of scenes.
     spheres: &'p dyn Fn(usize) -> &'a [Sphere],
-    /// The raster pass that the picture starts from.
+    /// Index in the plan of the raster pass that the picture starts from; `None` until one was found.
     drawn: Option<usize>,
 }
 

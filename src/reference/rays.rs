@@ -12,7 +12,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Approximate memory of [`Double`] per triangle, bytes; building takes the same again.
+/// Approximate memory of [`Double`] per triangle, bytes; building needs as much in addition.
 const BYTES_PER_TRIANGLE: u64 = 400;
 
 /// Samples and seed of a reference with noise, in place of the pass's own.
@@ -73,7 +73,8 @@ impl RayBackend for ReferenceRays {
         true
     }
 
-    /// References of the picture trace nothing here, and those of many samples trace spheres. For the others [`Self::run`] refuses spheres.
+    /// References of the picture do not use this backend, and references of many samples trace spheres. For references in `f64`, [`Self::run`]
+    /// refuses spheres.
     fn traces_spheres(&self) -> bool {
         true
     }
@@ -116,7 +117,7 @@ impl RayBackend for ReferenceRays {
             self.fast = Some(fast);
         }
         let Sampling { all, first, samples, seed } = self.sampling.get();
-        // The plan has one or several samples a pixel; each of them uses the `all` numbers of the sequence that follow those of the one before.
+        // Each sample of a pixel uses `all` consecutive numbers of the sequence; `before` is the number of pixel samples before this one.
         let [first, first_sun] = [job.params.first, job.params.first_sun].map(|before| before * all + first);
         let of_occlusion = if job.params.samples > 0 { samples } else { 0 };
         let params = RayParams { samples: of_occlusion, sun_samples: samples, first, first_sun, ..job.params };

@@ -51,7 +51,8 @@ pub enum ReportError {
 pub struct Request {
     /// Folder of the projects.
     pub projects: PathBuf,
-    /// The command that writes the projects, if they were made for this report. Their own folder is temporary, so readers cannot use its path.
+    /// The command that writes the projects, if they were made for this report. The folder of such projects is temporary, so readers cannot use its
+    /// path.
     pub made: Option<String>,
     /// Sizes and time.
     pub wanted: Wanted,
@@ -78,7 +79,7 @@ pub(super) struct Collector<'a> {
     /// The report's ray backend; `beside` are the others that are available.
     backend: BackendChoice,
     pub beside: Vec<BackendChoice>,
-    /// Whether the report's ray backend has the filter after rays. If not, filtered rows are measured on the cpu, which has it.
+    /// Whether the report's ray backend can filter the share that a program writes. If not, filtered rows are measured on the cpu, which has it.
     filters: bool,
     start: Instant,
     pub references: References,
@@ -105,7 +106,7 @@ pub(super) struct Collector<'a> {
 /// Effect, view and number of samples a pixel.
 type Judge = (String, String, u32);
 
-/// The key of the reference with which a row is compared; rows that compute the same share it.
+/// The key of the reference with which a row is compared; rows with equal effect, view and samples share one reference.
 fn judge_of(entry: &Entry, row: &BenchRow) -> Judge {
     (entry.effect.to_owned(), row.view.clone(), entry.aa.count())
 }
@@ -399,7 +400,7 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    /// Completes a row with what is not measured: the name of its project, the report's figure, and its errors.
+    /// Completes a row with what is not measured: the name of its project, the figure of the report of 2014, and the row's errors.
     pub fn finish_row(
         &mut self,
         entry: &Entry,
@@ -444,7 +445,8 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// The error of a row against the reference of its effect by rays. All rows with the same effect, view and number of samples a pixel share it.
+    /// The error of a row against the reference of its effect by rays. All rows with the same effect, view and number of samples a pixel share this
+    /// reference.
     fn judge(
         &mut self,
         entry: &Entry,
@@ -471,7 +473,7 @@ impl<'a> Collector<'a> {
             let rays = entry.weight / f64::from(entry.aa.count());
             let times = if noisy { 512.0 / rays.max(1.0) } else { 12.0 };
             let expected_s = (row.frame.median + in_rays * times) / 1e3;
-            // Without this reference no setting of the effect can be judged, so it may use the time of the settings.
+            // Without this reference no setting of the effect can be judged, so the reference may also use the time of the stage `Settings`.
             if let Err(why) = self.time().admit(entry.stage.max(Stage::Settings), expected_s) {
                 return RowError::Missing(format!("the reference is {why}; a larger --time makes room for it"));
             }
@@ -633,7 +635,7 @@ fn run(case: &Case, options: &MeasureOptions, observer: &mut dyn Observer) -> Re
     Ok(Ran { row: measured.row, picture: measured.picture, opened_ms, names })
 }
 
-/// The report's figure for the same row, if it has one. The report of 2014 has hard shadows only.
+/// The figure of the report of 2014 for the same row, if that report has one. It has hard shadows only.
 fn figure_of_2014(entry: &Entry, row: &BenchRow) -> Option<ThesisFigure> {
     if entry.effect == "soft-shadows" {
         return None;

@@ -3,16 +3,17 @@
 use crate::pipeline::project::{Light, Pass, PassKind, Project};
 use glam::Quat;
 
-/// Angle about the vertical from a copy of a light to the next, in turns. It is the golden angle, which spreads any number of copies evenly.
+/// Angle about the vertical from one copy of a light to the next, as a share of a full turn. It is the golden angle, which spreads any number of
+/// copies evenly.
 const TURN: f32 = 0.381_966;
 
-/// Gives each pass that has lights this number of lights: the first of its own, then copies of them that are turned about the vertical. A
-/// copy of a lamp stays at the lamp's position. Passes with the same lights get the same copies.
+/// Gives each pass that has lights `count` lights: first the pass's own lights, then copies of them that are rotated about the vertical. A copy of
+/// a light with a position keeps the position. Passes with the same lights get the same copies.
 ///
 /// # Errors
 /// If no pass has a light.
 pub(super) fn shine(project: &mut Project, count: usize) -> Result<(), String> {
-    // Light, number of the copy from 1 on, and the copy's index.
+    // Index of a light, number of its copy from 1 on, and index of the copy in `lights`.
     let mut copies: Vec<(usize, usize, usize)> = Vec::new();
     let Project { pipelines, lights, .. } = project;
     let mut any = false;

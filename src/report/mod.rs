@@ -1,8 +1,8 @@
 //! Reports: the cost and the error of each effect by raster and by rays on this machine, as a page that opens
 //! from disk.
 //!
-//! [`collect`](collect::collect) carries out a [`plan`] and gives a [`model::ReportData`], from which the page is made.
-//! [`page`], [`plots`] and [`summary`] are pure functions of it, and render nothing.
+//! [`collect`](collect::collect) carries out a [`plan`] and gives a [`model::ReportData`], from which the page is made. [`page`], [`plots`] and
+//! [`summary`] are pure functions of these data, and render nothing.
 
 pub mod collect;
 mod collector;

@@ -3,7 +3,7 @@
 use crate::bench::model::{BenchFile, BenchRow, RowError, Technique};
 use serde::{Deserialize, Serialize};
 
-/// Root mean square error within which the cheapest setting is advised, unless another is asked for.
+/// Root mean square error within which the cheapest setting is advised, unless the user chooses another limit.
 pub const WITHIN: f64 = 0.02;
 
 /// Everything that a report shows.
@@ -173,7 +173,7 @@ pub struct PassGraph {
     pub label: String,
     /// Names of the passes, with what each does.
     pub passes: Vec<[String; 2]>,
-    /// Edges: indices of two passes in `passes`, and names of the attachments. The window's index follows that of the last pass.
+    /// Edges: index of the pass that writes, index of the pass that reads, and names of the attachments between them. No edge leads to the window.
     pub edges: Vec<(usize, usize, Vec<String>)>,
 }
 

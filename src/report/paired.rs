@@ -96,7 +96,7 @@ fn rivals(collector: &Collector<'_>, effect: Effect) -> Option<[Vec<Rival>; 2]> 
     Some(sides.map(|side| side.iter().filter_map(rival).collect()))
 }
 
-/// The time of a row's frames in a round, milliseconds.
+/// The time allowed for a row's frames in a round, milliseconds.
 fn slot_ms(wanted: &Wanted) -> f64 {
     wanted.frames().1 / 3.0
 }

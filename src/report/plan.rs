@@ -122,7 +122,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether a filter follows its rays. Not every backend supports that.
+    /// Whether the results of its rays are filtered. Not every backend supports the filter.
     #[must_use]
     pub fn is_filtered(&self) -> bool {
         self.technique == Technique::Rays && self.set.iter().any(|set| set.starts_with("pass2.filter="))
@@ -157,7 +157,7 @@ fn is_screen(file: &str) -> bool {
     file.contains("Screen")
 }
 
-/// Values of the parameter `missing`: what answers rays that screen space does not answer.
+/// Values of the parameter `missing`: the source of colour for rays that find no hit in screen space.
 const MISSING: [&str; 3] = ["cube", "none", "rays"];
 
 /// Rays a pixel of the default rows of ambient occlusion and soft shadows.
@@ -166,8 +166,8 @@ pub const USUAL_SAMPLES: u32 = 16;
 /// The diameter of the light's disc for soft shadows: that of the sun, degrees.
 pub const SUN: &str = "pass2.sun=0.53";
 
-/// All entries for the user's scene at the report's size. `gpu` says whether the report's rasteriser is another than the cpu's; raster rows are
-/// then measured on the cpu too. Default rows by rays are also measured on the ray backends `beside`.
+/// All entries for the user's scene at the report's size. If `gpu` is true, the report's rasteriser is not the cpu's, and raster rows are measured
+/// on the cpu too. Default rows by rays are also measured on the ray backends `beside`.
 #[must_use]
 pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entry> {
     let mut entries = whole();
@@ -324,9 +324,9 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
     }
 }
 
-/// An effect by raster. `other` holds two parameters, depending on the effect; `None` for the default row. They are the side of the map, in
-/// quarters of the one that fits a picture of this size, and the number of cascades; the number of mirrors; an index into [`MISSING`]; or
-/// slices and steps.
+/// An effect by raster. `other` holds two parameters, depending on the effect; `None` for the default row. For shadow maps, these are the side of
+/// the map, in quarters of the side that fits a picture of this size, and the number of cascades; for cube maps, the side alone; for planar
+/// mirrors, the number of planes; for screen space, an index into [`MISSING`]; for occlusion, slices and steps.
 fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>, size: [u32; 2]) -> Entry {
     let fitted = |program| EffectParams::fitted_map_size(program, size);
     let base = entry(file, effect.id(), Technique::Raster, "");
@@ -490,7 +490,7 @@ pub fn pixel_samples(wanted: &Wanted) -> Vec<(Entry, Entry)> {
         ..line.clone()
     };
     let several = [4, 16].into_iter().filter_map(PixelSamples::new);
-    // Adaptive sampling: rays are traced for only some of the samples where these do not differ.
+    // Adaptive sampling: where the first samples of a pixel agree, no rays are traced for the others.
     let adaptive = PixelSamples::new(16).and_then(|samples| samples.within(TOLERANCE));
     let of = |aa: PixelSamples| {
         let lines = lines.iter().filter(move |line| aa.tolerance().is_none() || line.technique == Technique::Rays);
@@ -499,7 +499,7 @@ pub fn pixel_samples(wanted: &Wanted) -> Vec<(Entry, Entry)> {
     several.chain(adaptive).flat_map(of).collect()
 }
 
-/// With adaptive sampling: rays are traced for only four samples where these differ by at most this.
+/// Tolerance of adaptive sampling: where four samples of a pixel differ by at most this, rays are traced for these four only.
 const TOLERANCE: f32 = 0.02;
 
 /// The lines of the scaling plots: without effects, and shadows and ambient occlusion by each technique.
@@ -566,7 +566,7 @@ pub fn scaling_name(against: Against, amount: u64) -> String {
     }
 }
 
-/// The beginning of the reason for everything that is left out for lack of time.
+/// The beginning of the reason that is given for whatever is left out for lack of time.
 pub const OUT_OF_TIME: &str = "left out: it would take";
 
 /// The allowed and the spent time.

@@ -134,7 +134,7 @@ pub(super) fn by_samples(collector: &Collector<'_>) -> Scaling {
     Scaling { against: Against::Samples, series }
 }
 
-/// Rays, or depths read, for each point, from the parameters of a row; `None` if they set neither.
+/// Number of rays, or of depths read, for each point, from the parameters of a row; `None` if the parameters set neither.
 fn samples(set: &[String]) -> Option<f64> {
     let number = |name: &str| {
         let of = |one: &String| one.strip_prefix("pass2.")?.strip_prefix(name)?.strip_prefix('=')?.parse::<f64>().ok();

@@ -228,9 +228,10 @@ fn an_error_that_the_reference_cannot_tell_is_its_own() {
 
 #[test]
 fn what_is_hardly_better_than_nothing_is_never_advised() {
-    // Within the error, but not below half of the error of a frame without the effect.
+    // The raster setting's error, 0.015, is within the requested error, but above half of the error without the effect, 0.025.
     let data = beside_nothing(0.025, (12.0, against(0.001)), (4.0, against(0.015)));
     assert!(matches!(advice(&data), Advice::Choose { best, other: None } if best.technique == Technique::Rays));
+    // Here it is below half of it.
     let data = beside_nothing(0.05, (12.0, against(0.001)), (4.0, against(0.015)));
     assert!(matches!(advice(&data), Advice::Choose { best, .. } if best.technique == Technique::Raster));
     // A frame without the effect is within the error.
@@ -383,7 +384,7 @@ fn simulated(rays_ms: f64, raster_ms: f64, (rounds, frames): (usize, usize), dri
             for turn in 0..2 {
                 let row = (round + turn) % 2;
                 found[row] = Stats::new(machine.frames(times[row], frames)).expect("samples").median;
-                // Between rows of a round, a hundredth of the time passes that passes between rows measured one after the other.
+                // The time from row to row of a round is a hundredth of the time from row to row in the first measurement.
                 machine.pass(0.01);
             }
             data.bench.paired[0].rounds.push(found);
@@ -438,7 +439,7 @@ fn a_machine_whose_speed_drifts_changes_no_verdict() {
                 let counts = simulated(rays, raster, rounds, drift);
                 assert!(counts[right] >= 297, "{rounds:?}, {rays} and {raster} ms: {counts:?}");
             }
-            // With six rounds, fewer verdicts name the cheaper technique, but none names the dearer one.
+            // With six rounds, fewer verdicts name the cheaper technique, but none names the more expensive one.
             let counts = simulated(rays, raster, (6, 5), drift);
             assert!(counts[right] >= 270 && counts[right] + counts[2] >= 300, "{rays} and {raster} ms: {counts:?}");
         }

@@ -11,7 +11,7 @@ use crate::pipeline::executor::median;
 /// Time of a frame at 60 frames a second, milliseconds.
 pub const FRAME_60_MS: f64 = 1000.0 / 60.0;
 
-/// One setting is cheaper than another if the other surely takes at least this many times as long.
+/// One setting counts as cheaper than another only if the whole interval of the ratio of their times is beyond this factor.
 const APART: f64 = 1.1;
 
 /// A setting may be the cheapest of its technique if it takes at most this many times as long as the cheapest measured so far. Between
@@ -126,7 +126,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// The setting that the advice is about; of two, the one with the lower median. `None` if no setting was measured.
+    /// The setting that the advice is about; of two settings, the one with the lower median time. `None` if no setting was measured.
     #[must_use]
     pub fn setting(&self) -> Option<&Candidate> {
         match &self.advice {

@@ -225,8 +225,8 @@ fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
     }
 }
 
-/// Adds the colour and normal channels that an effect reads, but was not given because rays in its place do not read them. They are taken from
-/// the target of its positions, into which the deferred program writes colour, position and normal in this order.
+/// Adds the colour and normal channels that an effect reads and `effect` lacks, because the corresponding ray program does not read them. The
+/// channels are taken from the target of the effect's positions, into which the deferred program writes colour, position and normal in this order.
 fn with_buffers(project: &Project, effect: EffectPass) -> EffectPass {
     let Some(ChannelRef { target, channel: 1 }) = effect.position else { return effect };
     let info = effect.program.info();

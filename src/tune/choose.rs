@@ -37,13 +37,13 @@ impl Trial {
         median(&self.frames_ms)
     }
 
-    /// Confidence interval of the median; both ends are infinite if it has none.
+    /// Confidence interval of the median; both ends are infinite if there is no interval.
     #[must_use]
     pub fn interval(&self) -> Interval {
         Interval::of_median(&self.frames_ms).unwrap_or(Interval { low: f64::INFINITY, high: f64::INFINITY })
     }
 
-    /// Whether the trial is within the goal. For a time, the whole interval of the median has to be.
+    /// Whether the trial is within the goal. For a goal of time, the whole interval of the median has to be within it.
     #[must_use]
     pub fn fits(&self, goal: Goal) -> bool {
         match goal {
@@ -59,8 +59,9 @@ const ALIKE: f64 = 1.05;
 /// The variants that are within the goal, as indices, the best first.
 ///
 /// For a goal of time they are ordered by error, and by time where errors are equal. For a goal of error they are ordered by time, except that
-/// variants that cannot be told from the fastest one come first, ordered by error. These are the variants whose interval overlaps that of the
-/// fastest, and whose median is at most `ALIKE` times its median: few frames give a wide interval, which alone would admit too many.
+/// variants that cannot be distinguished from the fastest one come first, ordered by error. These are the variants whose interval overlaps that of
+/// the fastest, and whose median is at most `ALIKE` times the fastest median: few frames give wide intervals, and overlap alone would admit too
+/// many variants.
 #[must_use]
 pub fn ranked(trials: &[Trial], goal: Goal) -> Vec<usize> {
     let mut fit: Vec<usize> = (0..trials.len()).filter(|index| trials[*index].fits(goal)).collect();

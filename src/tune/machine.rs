@@ -23,7 +23,7 @@ pub struct Bench<'a> {
     options: MeasureOptions,
     metric: &'static MetricInfo,
     of: Of,
-    /// The declared project. The reference of its picture judges all variants if pictures are judged.
+    /// The declared project. If whole pictures are judged, all variants are compared with the reference of its picture.
     declared: Case,
     references: References,
     folder: PathBuf,
@@ -102,11 +102,11 @@ impl<'a> Bench<'a> {
         project
     }
 
-    /// The standard error of the reference by which whole pictures are judged. `None` where effects are judged, since their reference is made when
-    /// it is needed.
+    /// The standard error of the reference with which whole pictures are compared. `None` where effects are judged, since references of effects are
+    /// made when they are needed.
     ///
     /// # Errors
-    /// If that reference is not stored, with the command that makes it; or if the picture cannot have one.
+    /// If the reference of the picture is not stored, with the command that makes it; or if the picture cannot have a reference.
     pub fn check_reference(&mut self) -> Result<Option<f64>, ReferenceError> {
         match self.of {
             Of::Effect => Ok(None),

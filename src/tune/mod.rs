@@ -3,8 +3,9 @@
 //!
 //! 1. [`candidates`] lists the candidates for the place of each ray and effect pass.
 //! 2. Each candidate is measured, with the other passes as they are declared ([`Machine`]).
-//! 3. Where several passes have candidates, combinations are estimated from these times and errors, and the best few are measured.
-//! 4. The best three by the goal are measured again in turns, until they stay the best three ([`search`]).
+//! 3. Where several passes have candidates, combinations are estimated from the times and errors of step 2, and those with the best estimates are
+//!    measured.
+//! 4. The best three by the goal are measured again in rounds, until they stay the best three ([`search`]).
 
 pub mod candidates;
 mod choose;

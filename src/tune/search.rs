@@ -9,9 +9,9 @@ const COMBINATIONS: usize = 6;
 const MOST_ESTIMATED: usize = 100_000;
 /// Number of best variants that are measured again: the chosen one and the two next best.
 const FINALISTS: usize = 3;
-/// Number of further runs of each finalist in a turn.
+/// Number of further runs of each finalist in a round.
 const AGAIN: usize = 2;
-/// Greatest number of turns. They end earlier when the best three stay the same.
+/// Greatest number of rounds in which the finalists are measured again. The rounds end earlier when the best three stay the same.
 const TURNS: usize = 4;
 
 /// Result of a search.
@@ -25,8 +25,8 @@ pub struct Found {
     pub missing: Vec<(Variant, String)>,
 }
 
-/// Measures variants and ranks them. `counts` is the number of candidates of each slot; the first of each is the declared one. `told` is called
-/// with each variant before it is measured.
+/// Measures variants and ranks them. `counts` is the number of candidates of each slot; candidate 0 of each slot is the declared pass. `told` is
+/// called with each variant before it is measured.
 pub fn search(counts: &[usize], goal: Goal, machine: &mut dyn Machine, told: &mut dyn FnMut(&[usize])) -> Found {
     let mut search = Search { goal, machine, told, trials: Vec::new(), missing: Vec::new() };
     let declared = vec![0; counts.len()];

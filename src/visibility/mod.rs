@@ -71,7 +71,7 @@ pub fn load_project(project: &Project, max_bytes: u64) -> Result<Loaded, SceneEr
 const NEEDS: Needs = Needs::NOTHING;
 
 fn load(read: &dyn Fn(&LoadOptions) -> Result<Scene, SceneError>, options: BuildOptions) -> Result<Loaded, SceneError> {
-    // The files say which materials are cut out by textures and vertex colours; textures are not decoded.
+    // Textures and vertex colours are requested because they determine which materials are cut out; textures are not decoded.
     let load =
         LoadOptions { needs: Needs { textures: true, colors: true, ..Needs::NOTHING }, max_bytes: options.max_bytes };
     let mut read = read(&load)?;

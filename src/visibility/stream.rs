@@ -124,7 +124,7 @@ fn failed(path: &Path) -> impl Fn(io::Error) -> StreamError + '_ {
     |error| StreamError::File { path: path.display().to_string(), error }
 }
 
-/// Does some work on an open file; its error names the file.
+/// Does `work` on an open file; an error names the file.
 fn at<T>(file: &mut Growing, work: impl FnOnce(&mut Growing) -> io::Result<T>) -> Result<T, StreamError> {
     work(file).map_err(failed(file.path()))
 }
@@ -208,7 +208,7 @@ impl Files {
 /// Holds the rows of one block at a time, whatever the number of pairs.
 ///
 /// # Errors
-/// If a file cannot be read or written, the pairs are in error, the engine fails, or an interrupted run is in the way. The rows
+/// If a file cannot be read or written, the pairs are in error, the engine fails, or an interrupted run exists and may not be continued. The rows
 /// written so far stay, so that the run can be continued.
 pub fn stream(
     finder: &mut dyn RowFinder,

@@ -176,7 +176,8 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
                 let (mut by_rays, mut by_screen, mut off) = (0, 0, 0);
                 for index in 0..own.pixels.len() {
                     let is = |other: &Image| bits(&mixed, index) == bits(other, index);
-                    // With refraction, a pixel without an answer may still show the other of its two rays.
+                    // Where only one of the two rays of refraction has no answer, the pixel still shows the other. So pixels are
+                    // compared with both pictures.
                     if is(&traced) {
                         by_rays += u64::from(bits(&traced, index) != bits(&own, index));
                     } else if is(&marched) {

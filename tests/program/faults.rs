@@ -428,7 +428,7 @@ fn a_stream_that_cannot_be_written_is_an_error_and_no_panic() {
         assert_eq!(output.status.code(), Some(1), "{command:?}: {message}");
         assert!(message.contains("error: the output stream cannot be written"), "{command:?}: {message}");
     }
-    // Where the error message cannot be printed, the exit code still reports it.
+    // If the error stream is full, an error keeps its exit code. A run that would succeed exits with 1, since its messages could not be printed.
     for (command, code) in [(&["scene", "s.obj"][..], 1), (&["scene", "missing.obj"], 3), (&["no-command"], 2)] {
         let status = curitiba(place.path(), command).stderr(full()).status().expect("it runs");
         assert_eq!(status.code(), Some(code), "{command:?}");

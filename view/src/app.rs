@@ -1,4 +1,4 @@
-//! State of the window between two frames: what it shows, and what it asks of the renderer's thread.
+//! State of the window between two frames: what it shows, and what it has requested from the renderer's thread.
 
 use crate::camera;
 use crate::canvas::Canvas;
@@ -33,7 +33,7 @@ pub(crate) type Output = Option<String>;
 pub struct App {
     /// The renderer's thread.
     pub worker: Worker,
-    /// The thread's last state. Its pictures stay the same until the window is drawn, so that their textures are not used for others.
+    /// The thread's last state. It keeps its pictures alive while the window is drawn, so that their textures are not reused for other pictures.
     pub state: State,
     /// Zoom and position of the picture.
     pub canvas: Canvas,
@@ -89,8 +89,8 @@ pub struct App {
 }
 
 impl App {
-    /// A window for the pictures of `worker`, whose thread may have started before the window existed. From now on this thread puts its pictures
-    /// onto the device of `drawing`. Without a device the window can be laid out, but shows no pictures.
+    /// A window for the pictures of `worker`, whose thread may have started before the window existed. From now on this thread uploads its pictures
+    /// to the device of `drawing`. Without a device the window can be laid out, but shows no pictures.
     pub fn new(
         context: &egui::Context,
         drawing: Option<&RenderState>,
@@ -138,7 +138,7 @@ impl App {
         app
     }
 
-    /// Asks the thread for the output that is hovered or pinned.
+    /// Requests from the thread the output that is hovered or pinned.
     pub(crate) fn ask_for_output(&mut self) {
         let wanted = self.hovered.clone().or_else(|| self.pinned.clone()).flatten();
         if wanted != self.asked {
@@ -177,7 +177,7 @@ impl App {
         }
     }
 
-    /// Asks the thread for the rays of a pixel of the rendered picture; `None` ends showing rays.
+    /// Requests the rays of a pixel of the rendered picture from the renderer's thread; with `None`, rays are no longer shown.
     pub fn pick(&mut self, pixel: Option<[u32; 2]>) {
         let sizes = [self.seen(), self.state.picture.clone()].map(|picture| picture.map(|picture| picture.whole));
         if pixel.is_some() && sizes[0] != sizes[1] {

@@ -3,7 +3,7 @@
 use curitiba::pipeline::project::Pose;
 use glam::{Quat, Vec3};
 
-/// Least angle between the view and the up vector or its opposite, radians; below it, the picture's horizontal axis is numerical noise.
+/// Least angle between the view and the up vector or its opposite, radians; below it, rounding errors dominate the picture's horizontal axis.
 const LEAST_ANGLE: f32 = 0.02;
 
 /// The bounding box of a scene, in world space.

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{ErrorFilter, FilterMode, SamplerDescriptor, TextureUsages, TextureView};
 
-/// The window's device. Every thread can put pictures onto it; it is cheap to clone.
+/// The window's device. Every thread can upload pictures to it. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Device {
     device: wgpu::Device,
@@ -57,7 +57,7 @@ impl Device {
         Self { device, queue, renderer, textures: Arc::default() }
     }
 
-    /// Writes a picture into a texture: into one that is no longer in use, if there is one of this size.
+    /// Writes a picture into a texture of its size: into an unused one if there is one, else into a new one.
     ///
     /// # Errors
     /// If the device has no memory for it. A device that was lost is no error: nothing is drawn then.
@@ -71,7 +71,7 @@ impl Device {
         let layout =
             wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: Some(height) };
         self.queue.write_texture(texture.texture.as_image_copy(), image.as_raw(), layout, size);
-        // The copy begins now. Otherwise the window's next frame would begin it, and without frames copies would accumulate.
+        // The copy begins now. Otherwise the window's next frame would begin it, and without frames pending copies would accumulate.
         self.queue.submit([]);
         let errors = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop()));
         if let Some(error) = errors.last() {
@@ -81,7 +81,7 @@ impl Device {
         Ok(texture)
     }
 
-    /// Takes a texture of this size that is no longer in use, and frees all others that are not.
+    /// Takes an unused texture of this size, if there is one, and frees all other unused textures.
     fn unused(&self, size: wgpu::Extent3d) -> Option<Arc<Texture>> {
         let mut textures = self.textures.lock().unwrap_or_else(PoisonError::into_inner);
         let is_unused = |texture: &Arc<Texture>| Arc::strong_count(texture) == 1;
@@ -91,7 +91,7 @@ impl Device {
         found
     }
 
-    /// A texture of the kind of egui's own: their shader expects encoded colours that the sampler does not decode.
+    /// A new texture in the format of egui's own textures: egui's shader expects sRGB-encoded colours that the sampler does not decode.
     fn create(&self, size: wgpu::Extent3d) -> Texture {
         let texture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("picture"),
@@ -120,13 +120,13 @@ fn fitting(image: &ColorImage, most: usize) -> Cow<'_, ColorImage> {
     Cow::Owned(ColorImage::new([width.div_ceil(step), height.div_ceil(step)], pixels))
 }
 
-/// The texture of a picture, or the reason why there is none, once the picture was put onto the device. Pictures are equal whether or not
-/// they were.
+/// The texture of a picture, or the reason why there is none, once an upload to the device was tried. Two values are always equal, so that the
+/// comparison of pictures ignores uploads.
 #[derive(Clone, Default)]
 pub(crate) struct OnDevice(OnceLock<Result<Arc<Texture>, String>>);
 
 impl OnDevice {
-    /// Puts the picture onto the device unless it is there.
+    /// Uploads the picture to the device, unless an upload was tried before.
     pub fn get(&self, device: &Device, image: &ColorImage) -> Result<&Texture, &str> {
         self.0.get_or_init(|| device.put(image)).as_deref().map_err(String::as_str)
     }

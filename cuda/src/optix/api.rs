@@ -1,4 +1,4 @@
-//! Calls into OptiX's function table, each wrapped for the one way in which it is used here.
+//! Calls into OptiX's function table, each wrapped for its only use here.
 #![allow(unsafe_code, reason = "foreign functions found at run time")]
 
 use super::abi::*;
@@ -17,8 +17,8 @@ const LIBRARY: &str = "libnvoptix.so.1";
 
 /// The functions of one interface version, and the OptiX context on a device.
 ///
-/// Invariants: the library stays loaded as long as this lives, so the pointers of the table are functions of the types that the interface
-/// gives to their places; `context` was created by them and is destroyed with this.
+/// Invariants: the library stays loaded as long as this lives, so each pointer of the table is a function of the type that the interface gives to
+/// its index; `context` was created by these functions and is destroyed when this value is dropped.
 pub struct Api {
     table: [*const c_void; FUNCTIONS],
     version: i32,
@@ -211,7 +211,8 @@ impl Api {
         };
         let mut log = Log::new();
         let text = CString::new(ptx).map_err(|_| "the programs contain a zero byte".to_owned())?;
-        // SAFETY: by the invariants of `Api`; all pointers live through the call, and the length counts the text with its terminating zero.
+        // SAFETY: by the invariants of `Api`; all pointers are valid during the call, and the length counts the PTX source with its terminating
+        // zero.
         let result = unsafe {
             let create: ModuleCreate = self.function(place::MODULE_CREATE);
             let length = text.as_bytes_with_nul().len();
@@ -305,7 +306,8 @@ impl Api {
     /// Releases what [`Self::pipeline`] made.
     pub fn destroy(&self, pipeline: &Pipeline) {
         self.bind_for_release();
-        // SAFETY: by the invariants of `Api`; objects that were not made are null and left out. Result codes are of no use here.
+        // SAFETY: by the invariants of `Api`; objects that were not made are null and left out. Result codes are ignored, because a failed release
+        // cannot be handled.
         unsafe {
             let end = |place: usize, handle: Handle| {
                 let destroy: Destroy = self.function(place);
@@ -319,7 +321,7 @@ impl Api {
         }
     }
 
-    /// Calls `use_input` with the description of a mesh; its pointers are valid during the call.
+    /// Calls `use_input` with pointers to the description of a mesh and to the build options; both are valid during the call only.
     fn with_input<R>(
         mesh: &Mesh<'_>,
         use_input: impl FnOnce(*const OptixBuildInput, *const OptixAccelBuildOptions) -> R,
@@ -388,8 +390,8 @@ impl Api {
     /// Starts building over a mesh. The structure's compacted size in bytes is written to `compacted`, as 64 bits.
     ///
     /// # Safety
-    /// All addresses must be of live device memory, of the sizes given by [`Self::build_sizes`] and the mesh, until the stream has come to
-    /// the end of the build; those of the structure as long as it is traced.
+    /// All addresses must be of live device memory, of the sizes given by [`Self::build_sizes`] and the mesh, until the stream has completed the
+    /// build. The memory of the structure must live as long as the structure is traced.
     pub unsafe fn build(
         &self,
         stream: *mut c_void,

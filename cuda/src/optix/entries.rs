@@ -46,7 +46,7 @@ fn called(info: &RayProgramInfo, kind: &str, ray: &str, glass: bool) -> Option<&
     if glass { of(false).or_else(|| of(true)) } else { of(true) }
 }
 
-/// The groups of a program; `None` for ray types that it never traces.
+/// The groups of a program; `None` for the groups of ray types that the program never traces.
 pub fn groups(info: &RayProgramInfo) -> [Option<Group>; GROUPS] {
     let alone = |kind, entry| Some(Group { kind, entry: Some(entry), any_hit: None });
     let mut groups = [const { None }; GROUPS];
@@ -170,7 +170,7 @@ mod tests {
             assert_eq!(at(HITS + MATERIALS + cut), ["__anyhit__any_hit_shadow"]);
             assert_eq!(at(HITS + MATERIALS + cut + 1), ["__anyhit__any_hit_shadow_glass"]);
         }
-        // A program without a hit program for glass calls its only one there, too; a ray type that is never traced has no groups.
+        // If a program has one hit program only, glass uses it too. A ray type that is never traced has no groups.
         let shadows = groups(RayProgram::DeferredShadows.info());
         assert_eq!(shadows[HITS + MATERIALS + 1], shadows[HITS + MATERIALS]);
         assert!(shadows[MISSES].is_none() && shadows[HITS].is_none() && shadows[MISSES + 1].is_some());

@@ -64,7 +64,8 @@ fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
     (0..materials.max(1)).map(flag).collect()
 }
 
-/// The triangles `ids`. With `of_sky`, those outside the sky get no area, so that rays miss them; otherwise those of the sky get none.
+/// The triangles `ids`. With `of_sky`, triangles outside the sky get three equal corners, so that no ray hits them; otherwise the triangles of the
+/// sky do.
 fn masked(geometry: &Geometry, ids: Range<u32>, of_sky: bool) -> Vec<[u32; 3]> {
     let corners = |id| if geometry.sky.contains(id) == of_sky { geometry.triangles[id as usize] } else { [0; 3] };
     ids.map(corners).collect()
@@ -125,8 +126,9 @@ impl OptixTracer {
 
 impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
-    /// An upper estimate of the device memory that OptiX takes while it builds. The sky's structure is built after the other one was compacted.
-    /// Both stay within the estimate if the triangles from the sky's first to its last are at most half of the scene: calculated, not measured.
+    /// An upper estimate of the device memory that OptiX takes while it builds. The sky's structure is built after the structure of all other
+    /// triangles was compacted. Both builds stay within the estimate if the triangles from the sky's first to its last are at most half of the
+    /// scene: calculated, not measured.
     const BYTES_PER_TRIANGLE: u64 = 250;
 
     /// Nothing: OptiX builds on the GPU.
@@ -278,8 +280,8 @@ impl SegmentPipeline {
         let stream = device.stream().cu_stream().cast();
         let records = (records.address(device), records.len());
         let size = [params.segment_count as u32, 1];
-        // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of the caller that
-        // live until the answers were read, with a pair for each segment and a bit for its answer.
+        // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of the caller that live until the
+        // results were read, with a pair of triangles for each segment and a bit for its result.
         let launched = unsafe { tracer.api.launch(stream, pipeline, parameters, records, size) };
         launched.map_err(|why| refused(device, "tracing segments", why))
     }

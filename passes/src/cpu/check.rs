@@ -19,7 +19,7 @@ pub fn missing(backend: &'static str, job: &RayJob<'_>, why: &str) -> BackendErr
 /// In thesis fidelity, refuses programs that the report does not have.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] for that backend.
+/// [`BackendError::Unsupported`] that names `backend`.
 pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
     if fidelity == Fidelity::Corrected || !program.info().starts_at_camera() {
         return Ok(());
@@ -49,7 +49,7 @@ fn many_lights(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
 /// Refuses a filter over the program's output, for a backend that has none.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend.
+/// [`BackendError::Unsupported`] that names `backend`.
 pub fn filter(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     match job.program.asks_of_filter(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
         None => Ok(()),
@@ -62,7 +62,7 @@ pub fn filter(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErro
 /// Refuses adaptive sampling of stochastic glass, for a backend that has none.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend.
+/// [`BackendError::Unsupported`] that names `backend`.
 pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     match job.program.sampled_to(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
         None => Ok(()),
@@ -78,7 +78,7 @@ pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendEr
 /// Refuses photons where a single pixel is computed.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend.
+/// [`BackendError::Unsupported`] that names `backend`.
 pub fn photons(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     match job.program.photons(&job.params) {
         _ if job.fidelity == Fidelity::Thesis => Ok(()),
@@ -94,7 +94,7 @@ pub fn photons(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
 /// Refuses texture lookups that are filtered by ray cones, for a backend that has none.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] of that backend.
+/// [`BackendError::Unsupported`] that names `backend`.
 pub fn cones(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     match job.program.asks_of_cones(&job.params).filter(|_| job.texture_lod() != TextureLod::Zero) {
         None => Ok(()),
@@ -109,7 +109,7 @@ pub fn cones(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
 /// Checks the sizes of the images that the program reads and of the one that it writes.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] for that backend; the error names what is missing.
+/// [`BackendError::Unsupported`] that names `backend` and what is missing.
 pub fn images(backend: &'static str, job: &RayJob<'_>, output: &Image) -> Result<(), BackendError> {
     let size = format!("{} x {}", job.width, job.height);
     let pixels = job.width as usize * job.height as usize;
@@ -123,7 +123,7 @@ pub fn images(backend: &'static str, job: &RayJob<'_>, output: &Image) -> Result
 /// Checks the sizes of the images that the program reads, unless they are in shared memory.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] for that backend; the error names what is missing.
+/// [`BackendError::Unsupported`] that names `backend` and what is missing.
 pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     if job.shared.is_some() {
         return Ok(());
@@ -148,11 +148,12 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     Ok(())
 }
 
-/// Checks that the materials, vertex attributes, light and camera that the program reads are present, and that the triangle ids are valid.
-/// `spheres` says whether the backend supports exact spheres.
+/// Checks that the materials, vertex attributes, light and camera that the program reads are present, and that the triangle ids are valid. Also
+/// refuses combinations of program, fidelity, lights and exact spheres that are not supported. `spheres` says whether the backend supports exact
+/// spheres.
 ///
 /// # Errors
-/// [`BackendError::Unsupported`] for that backend; the error names what is missing.
+/// [`BackendError::Unsupported`] that names `backend` and what is missing.
 pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(), BackendError> {
     fidelity(backend, job.program, job.fidelity)?;
     let info = job.program.info();
@@ -232,7 +233,7 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(
     Ok(())
 }
 
-/// Least number of triangles that a scene must have for these triangle ids to be valid. Computed as a maximum, without an early exit, so
+/// Least number of triangles and exact spheres that a scene must have for these ids to be valid. Computed as a maximum, without an early exit, so
 /// that it is vectorised.
 fn most_triangles(shown: &[u32]) -> usize {
     const { assert!(NO_TRIANGLE.wrapping_add(1) == 0) }

@@ -1,8 +1,8 @@
 //! The filter after ray passes that write a share of light: occlusion, and soft shadows.
 //!
-//! It is the filter of the raster effects ([`Filter`]). Positions are those of the G-buffer. Normals are the stored ones where the program
-//! has them, else those of the visible triangles. All normals are turned to the viewer, since neighbours may be wound the other way. `intensity`
-//! is applied after the filter: the mean of powers is not the power of the mean.
+//! It is the filter of the raster effects ([`Filter`]). Positions are those of the G-buffer. Normals are those of the G-buffer if the program reads
+//! them, else the geometric normals of the visible triangles or exact spheres. All normals are flipped to face the viewer, since neighbouring
+//! triangles may have opposite windings. `intensity` is applied after the filter: the mean of powers is not the power of the mean.
 
 use super::check;
 use crate::raster::effects::filter::Filter;
@@ -13,7 +13,7 @@ use curitiba_pipeline::programs::{Fidelity, RayParams};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-/// Levels that a job asks for; 0 where nothing is filtered.
+/// Number of filter levels of a job; 0 if its output is not filtered.
 pub(super) fn levels(job: &RayJob<'_>) -> u32 {
     match job.fidelity {
         Fidelity::Corrected => job.program.info().filter_levels(&job.params),
@@ -21,7 +21,7 @@ pub(super) fn levels(job: &RayJob<'_>) -> u32 {
     }
 }
 
-/// Runs a job by `trace`, and filters its output if the job asks for that.
+/// Runs a job by `trace`, and filters its output if the job requests a filter.
 ///
 /// # Errors
 /// Those of `trace`. Also if there is not enough memory.
@@ -50,8 +50,8 @@ pub(super) fn filtered<R>(
     Ok(traced)
 }
 
-/// Position and normal of the surface that a pixel shows; both are 0 for the background. The normal is turned to the viewer. It is the one of
-/// the G-buffer if `stored`, else that of the triangle or sphere.
+/// Position and normal of the surface that a pixel shows; both are 0 for the background. The normal is flipped to face the viewer. It is the normal
+/// of the G-buffer if `stored`, else the geometric normal of the triangle or sphere.
 fn surface(job: &RayJob<'_>, index: usize, stored: bool) -> [[f32; 3]; 2] {
     let triangle = job.triangle[index];
     if triangle == NO_TRIANGLE {
@@ -67,7 +67,7 @@ fn surface(job: &RayJob<'_>, index: usize, stored: bool) -> [[f32; 3]; 2] {
     [position.to_array(), facing.to_array()]
 }
 
-/// The normal of a triangle, or of an exact sphere at a position; not normalised.
+/// The geometric normal of a triangle, or of an exact sphere at a position; not normalised.
 fn flat(job: &RayJob<'_>, triangle: u32, position: Vec3) -> Vec3 {
     let geometry = &job.scene.geometry;
     match geometry.sphere(triangle) {
@@ -113,7 +113,7 @@ mod tests {
         (found.iter().enumerate().map(square).sum::<f64>() / found.len() as f64).sqrt()
     }
 
-    /// A floor in z = 0 and a wall in x = 0; `turned` winds the floor the other way in its far half.
+    /// A floor in z = 0 and a wall in x = 0. If `turned`, the half of the floor at y > 0 has the opposite winding.
     fn wall(turned: bool) -> World {
         let mut world = World::lit_along(Vec3::NEG_Z);
         let paint = world.paint(Vec3::splat(0.5));
@@ -134,7 +134,7 @@ mod tests {
         0.4 + 0.38 * (2.0 * ((index % SIDE as usize) as f64 + 0.5) / f64::from(SIDE) - 1.0)
     }
 
-    /// Openness at a distance (of the radius) from a perpendicular wall.
+    /// Closed-form openness of the floor at a pixel beside the perpendicular wall. The distance from the wall is in units of the occlusion radius.
     fn open(index: usize) -> f64 {
         let c = distance(index);
         1.0 - (c.acos() - c * (1.0 - c * c).sqrt()) / std::f64::consts::PI

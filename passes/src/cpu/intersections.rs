@@ -42,8 +42,8 @@ pub(super) fn trace<T: Tracer>(
     traced.sum()
 }
 
-/// A ray of the buffer with a unit direction, relative to the scene's origin, and the length of its direction. `None` for a ray that can
-/// meet nothing.
+/// Converts a ray of the buffer to a ray with a unit direction and an origin relative to the scene's origin. Also returns the length of the
+/// buffer's direction, which is the unit of the buffer's distances. `None` for a ray that can meet nothing.
 fn prepare([from, along]: [[f32; 4]; 2], origin: DVec3) -> Option<(Ray, f64)> {
     let [[x, y, z, least], [right, up, back, greatest]] = [from, along].map(|ray| ray.map(f64::from));
     let direction = DVec3::new(right, up, back);
@@ -77,7 +77,7 @@ mod tests {
     use glam::Vec3;
     use std::sync::Arc;
 
-    /// Two triangles that face the axis z, at z = 0 and z = 1; the origin of positions is at `origin`.
+    /// Two triangles perpendicular to the axis z, at z = 0 and z = 1 relative to the scene's origin `origin`.
     fn scene(origin: DVec3) -> Arc<RenderScene> {
         let at = |z: f32| [Vec3::new(0.0, 0.0, z), Vec3::new(1.0, 0.0, z), Vec3::new(0.0, 1.0, z)];
         let positions = [at(0.0), at(1.0)].concat();
@@ -208,7 +208,7 @@ mod tests {
                 let (offset, turned) = (from - a, (from - a).cross(right));
                 let (u, v, t) = (offset.dot(across), along.dot(turned), up.dot(turned));
                 let [u, v, t] = [u, v, t].map(|value| value / determinant);
-                // Distance inside the triangle and the interval.
+                // Least margin of the barycentric coordinates and of `t` within their ranges; negative outside the triangle or the interval.
                 let inside = u.min(v).min(1.0 - u - v).min(t).min(1.0 - t);
                 (inside, [t, u, v])
             };

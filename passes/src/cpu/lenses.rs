@@ -10,8 +10,8 @@ use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::programs::RayParams;
 use curitiba_pipeline::scene::Geometry;
 
-/// Finds the spheres that focus light in a scene. A sphere may lie in a body of triangles. In scenes with such bodies the processor's tree is
-/// searched, which is built for the first job that needs it.
+/// Finds the spheres that focus light in a scene. A sphere inside another body does not focus light. Whether a sphere lies in a body of triangles
+/// is found by tracing in the processor's tree. The tree is built for the first job that needs it.
 #[derive(Default)]
 pub struct FindsLenses {
     structure: Option<Structure>,
@@ -38,7 +38,7 @@ impl FindsLenses {
                 || Structure::build_until(job.scene, filtered, &Progress::default()).expect("nobody gives it up");
             return lenses(backend, self.structure.get_or_insert_with(build), job);
         }
-        // Without bodies of triangles no tree is needed: spheres that touch each other are left out anyway.
+        // Without bodies of triangles no tree is needed: [`Lenses::of`] itself leaves out spheres that touch other spheres of glass.
         Lenses::of(&job.scene.geometry, job.dielectrics, |_| false).map_err(|why| check::missing(backend, job, &why))
     }
 }
@@ -49,7 +49,7 @@ fn has_bodies(geometry: &Geometry, dielectrics: &[Dielectric]) -> bool {
     geometry.batches.iter().any(|batch| batch.count > 0 && is_body(batch.material))
 }
 
-/// The spheres that focus the light of a job. Which body a sphere lies in is found by tracing in the structure of the job's scene.
+/// The spheres that focus the light of a job. Whether a sphere lies in another body is found by tracing in the structure of the job's scene.
 fn lenses(
     backend: &'static str,
     Structure { triangles, spheres }: &Structure,

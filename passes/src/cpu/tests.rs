@@ -110,7 +110,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
     }
 }
 
-/// Cancels the pass at the first hit whose coverage is asked for, if it holds a cancellation.
+/// Cancels the pass at the first hit whose coverage is tested, if it holds a cancellation.
 struct GivesUp(Option<Cancellation>);
 
 impl Coverage for GivesUp {

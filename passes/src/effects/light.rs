@@ -1,4 +1,4 @@
-//! Light visibility: rays that only ask whether the light arrives.
+//! Light visibility: rays that only test whether the light arrives.
 
 use super::coverage::Coverage;
 use super::pass::Pass;
@@ -11,7 +11,7 @@ pub const SHADOWED: f32 = 0.5;
 pub const THROUGH_GLASS: f32 = 0.9;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Whether the light is visible from `origin`, which is off its surface: `stops` is true for no hit in between.
+    /// Whether the light is visible from `origin`, which must be offset from its surface: `stops` is true for no hit in between.
     pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
         self.announce_visibility(Purpose::Shadow, 1.0);
         !self.tracer.occluded(&self.light_ray(origin), stops)

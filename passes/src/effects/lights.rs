@@ -19,10 +19,10 @@ use curitiba_pipeline::backend::{Light, RayJob, Sun};
 use curitiba_pipeline::programs::Fidelity;
 use glam::Vec3;
 
-/// Share of the way to a positional light that shadow rays leave out at the light's end, because lamps hang on ceilings.
+/// Share of the distance to a positional light by which shadow rays end before the light, so that a ceiling at the light's place does not block it.
 pub const BEFORE_LIGHT: f32 = 1.0 / 1024.0;
 
-/// The kind of lights that a device program is written for. Programs for one directional light do not pay for several.
+/// The kind of lights that a device program is generated for. Programs for one directional light do not pay for several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Lighting {
     /// One directional light that is a point, or no light that the program reads.
@@ -106,7 +106,7 @@ pub(super) struct Asked<'s> {
     pub key: u32,
 }
 
-/// How light comes to a point.
+/// The rays from a point to a light.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Way<'p> {
     /// From one direction.
@@ -147,7 +147,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         towards.dot(normal).clamp(0.0, 1.0)
     }
 
-    /// The share of a point's colour that shadows leave, for each channel. `reaches` follows the way from the surface to a light and returns the
+    /// The share of a point's colour that shadows leave, for each channel. `reaches` traces the rays from the surface to one light and returns the
     /// share of the light that passes. `stops` says whether a hit separates a point from the round surface that its triangle approximates.
     pub(super) fn share_of_lights(
         &self,
@@ -190,7 +190,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Vec3::select(whole.cmpgt(Vec3::ZERO), left / whole, Vec3::ONE)
     }
 
-    /// The ray from a point to a light. `None` where the triangle is turned away from the light, unless the point can be lifted onto the round
+    /// The ray from a point to a light. `None` where the triangle faces away from the light, unless the point can be lifted onto the round
     /// surface ([`Self::lifted`]) and nothing lies in between.
     fn ray_to(
         &self,
@@ -217,7 +217,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(Ray { origin, direction: way.normalize_or(towards), t_min: 0.0, t_max })
     }
 
-    /// The share of the light that passes on its way in `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
+    /// The share of a light that passes along its rays in `final`: 0 where something opaque is in the way, else 0.9 for each glass surface.
     pub(super) fn passes(&self, way: &Way<'_>, work: &mut Workspace) -> Vec3 {
         let ray = match way {
             Way::Ray(ray) => ray,

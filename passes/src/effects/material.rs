@@ -46,7 +46,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         if shade.glow.is_some() { reflected + self.glow(hit, footprint) } else { reflected }
     }
 
-    /// The cosine of the light on a surface with this unit normal; 0 where the surface is turned away.
+    /// The cosine of the light on a surface with this unit normal; 0 where the surface faces away.
     pub(super) fn light_cosine(&self, hit: &Hit, normal: Vec3) -> f32 {
         self.cosine_to(hit, normal, self.to_light)
     }
@@ -112,7 +112,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Some(normal_map::bent(texel.truncate(), map.scale, vertex, tangent, flat))
     }
 
-    /// Whether the vertex normal faces a light, once it is turned to the side of the triangle that `bent` is on.
+    /// Whether the vertex normal faces a light, after it is flipped to the side of the triangle that `bent` is on.
     fn vertices_face(&self, hit: &Hit, bent: Vec3, to_light: Vec3) -> bool {
         let geometry = &self.job.scene.geometry;
         let [a, b, c] = geometry.corners(hit.triangle);

@@ -32,10 +32,10 @@
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
 //!
-//! From the ground up: `interpolate`, `ray_cone`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
-//! `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`. Then those about a tile, `visible_pixels` and
-//! `tile_surfaces`; `workspace`; `occlusion` and `tile_occlusion`; and `dielectric`, glass whose kind each material states. Above
-//! them are the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
+//! Modules, lower layers first: `interpolate`, `ray_cone`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
+//! `material`, `surface`, `optics`, `terminator`, `sun`, `lights` and `thesis`. Then those about a tile, `visible_pixels` and `tile_surfaces`;
+//! `workspace`; `occlusion`, `preparation` and `tile_occlusion`; and `dielectric`, glass whose kind each material states. Above them are the
+//! programs, one folder each, and `camera`. All may use the crate's modules `trace` and `sampling`.
 
 pub mod camera;
 pub mod combined;

@@ -1,4 +1,4 @@
-//! Ambient occlusion and light: rays that only ask whether something is in the way.
+//! Ambient occlusion and light: rays that only test whether something is in the way.
 
 use super::coverage::Coverage;
 use super::light::{SHADOWED, share_of_light};
@@ -21,9 +21,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// Ambient occlusion of a surface: the open share of its cosine-weighted hemisphere within the radius, to the power
     /// of the intensity. 1 where occlusion is off.
     ///
-    /// The hemisphere lies around the shading normal. Directions below the triangle would start inside the object, so they
-    /// are mirrored at the triangle's plane. A smooth surface is then no darker than a flat one, and an unoccluded one is
-    /// exactly 1. Where nothing is in reach above the triangle, no ray is traced.
+    /// The hemisphere lies around the shading normal. Directions below the triangle would start inside the object, so they are mirrored at the
+    /// triangle's plane. A smooth surface is then no darker than a flat one, and an unoccluded surface has exactly 1. Where nothing is in reach
+    /// above the triangle, no ray is traced.
     pub(super) fn occlusion(
         &self,
         surface: &Surface,
@@ -116,7 +116,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.open_share[open as usize]
     }
 
-    /// The light's share at a surface in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
+    /// The light's share at a surface in `final`: [`SHADOWED`] where the side of normal `facing` faces away or
     /// something opaque is in the way, else 0.9 for each glass surface on the way. For a disc it is the mean over the
     /// disc's points for `key`. `triangle` is the surface's.
     pub(super) fn light_share(
@@ -147,7 +147,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// Origin of the ray to the light from the side of normal `facing`. `None` where that side is dark without a ray to the
-    /// light: the round surface that the triangle approximates is turned away; or the triangle is turned away and
+    /// light: the round surface that the triangle approximates faces away; or the triangle faces away and
     /// approximates no round surface; or something opaque lies between the triangle and the round surface.
     pub(super) fn light_origin(
         &self,

@@ -11,7 +11,7 @@ pub const REFRACTED: u32 = 1;
 /// Number, in the key of a path, of the first direction in which rough glass scatters.
 pub const SCATTERED: u32 = 2;
 
-/// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
+/// Mirrors the direction `i` at a surface with unit normal `n`, for either sign of `n`.
 #[must_use]
 pub fn reflect(i: Vec3, n: Vec3) -> Vec3 {
     i - 2.0 * n * n.dot(i)
@@ -46,10 +46,9 @@ pub fn fresnel(cos: f32, index: f32) -> Interface {
     Interface { reflectance: reflectance as f32, cos_refracted: cos_refracted as f32 }
 }
 
-/// Schlick's approximation of [`fresnel`] ("An Inexpensive BRDF Model for Physically-based Rendering", Computer
-/// Graphics Forum 13, 1994), in single precision: `R0 + (1 - R0) (1 - cos)^5` with `R0 = ((index - 1) / (index +
-/// 1))^2`. The cosine is the one on the side of the lower index. So light has the same weight both ways, and total
-/// reflection is a reflectance of exactly 1.
+/// Schlick's approximation of [`fresnel`] ("An Inexpensive BRDF Model for Physically-based Rendering", Computer Graphics Forum 13, 1994), in single
+/// precision: `R0 + (1 - R0) (1 - cos)^5` with `R0 = ((index - 1) / (index + 1))^2`. The cosine is the one on the side of the lower index. So light
+/// that enters and light that leaves on the same path have the same weight, and total reflection is a reflectance of exactly 1.
 ///
 /// The refracted direction follows Snell's law, as in [`fresnel`]. Next to the critical angle, single precision may
 /// decide wrongly whether reflection is total.

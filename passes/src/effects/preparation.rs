@@ -27,7 +27,7 @@ impl Preparation {
     /// The preparation of a job.
     ///
     /// # Errors
-    /// If a sampler cannot have the number of samples that the job asks for; the text says why.
+    /// If a sampler cannot have the number of samples that the job requests; the error says why.
     pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
         let samples = job.program.info().samples(&job.params);
         let kind = match job.fidelity {

@@ -22,7 +22,7 @@ pub trait Footprint: Copy {
     fn level(self, texture: &Texture) -> f32;
 }
 
-/// The bundle of rays that a path stands for.
+/// The bundle of rays that a path represents.
 pub trait Cone: Copy {
     /// The type of the area that the cone covers on textures.
     type Footprint: Footprint;
@@ -97,7 +97,7 @@ pub struct RayCone {
     pub spread: f32,
 }
 
-/// The area that a lookup covers in texture coordinates: the square of its longer side.
+/// The area that a lookup covers in texture coordinates: the square of the longer axis of the covered ellipse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TextureArea(pub f32);
 
@@ -121,22 +121,23 @@ impl Cone for RayCone {
         Self { width: self.width + self.spread * distance, ..self }
     }
 
-    /// The cone after a mirror of this curvature k, where `cos` is the cosine of the angle of incidence. Over the width w the normal turns by
-    /// δ = k w / cos, and the direction by 2 δ.
+    /// The cone after a mirror of this curvature k, where `cos` is the cosine of the angle of incidence. Over the width w the normal rotates by δ =
+    /// k w / cos, and the direction by 2 δ.
     fn mirrored(self, curvature: impl FnOnce() -> f32, cos: f32) -> Self {
         Self { spread: self.spread + 2.0 * self.turn(curvature(), cos), ..self }
     }
 
     /// The cone after an interface of this curvature, with the cosines of the angles of incidence i and refraction t; `index` is the refractive
-    /// index n of the far side over that of the near side. By the derivative of Snell's law, sin i = n sin t, t grows by m = cos i / (n cos t)
-    /// times the growth of i. That growth is the spread plus the normal's turn δ. The direction turns by δ less than t grows.
+    /// index n of the far side over that of the near side. By the derivative of Snell's law, sin i = n sin t, t changes by m = cos i / (n cos t)
+    /// times the change of i. Over the width, i changes by the spread plus the rotation δ of the normal. The direction rotates by the change of t
+    /// minus δ.
     fn refracted(self, curvature: impl FnOnce() -> f32, [cos, cos_refracted]: [f32; 2], index: f32) -> Self {
         let rate = cos / (index * cos_refracted);
         let spread = rate * self.spread + (rate - 1.0) * self.turn(curvature(), cos);
         Self { width: self.width * (cos_refracted / cos), spread }
     }
 
-    /// In the triangle's plane the cone covers an ellipse whose longer side is w / |cos|. The square of this side is converted to texture
+    /// In the triangle's plane the cone covers an ellipse whose longer axis is w / |cos|. The square of this axis is converted to texture
     /// coordinates by the ratio of the triangle's area in texture coordinates to its area in the scene.
     fn footprint(self, geometry: &Geometry, triangle: u32, direction: Vec3) -> TextureArea {
         if geometry.texcoords.len() != geometry.positions.len() {
@@ -151,9 +152,9 @@ impl Cone for RayCone {
 }
 
 impl RayCone {
-    /// By how much the normal of a surface of this curvature turns over the cone's width.
+    /// Rotation in radians, over the cone's width, of the normal of a surface of this curvature; `cos` is the cosine of the angle of incidence.
     fn turn(self, curvature: f32, cos: f32) -> f32 {
-        // A plane's normal does not turn, even at a cosine of 0.
+        // A plane's normal does not rotate, even at a cosine of 0.
         if curvature == 0.0 { 0.0 } else { curvature * self.width / cos }
     }
 }

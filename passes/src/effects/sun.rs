@@ -1,7 +1,7 @@
 //! Soft shadows: a directional light is a disc in the sky, sampled by one ray to each of its sample points.
 //!
 //! The light's share is the mean over directions that are uniform over the disc's solid angle. Each direction counts as
-//! a point light would: a side of a triangle turned away from it is dark without a ray, except where the triangle
+//! a point light would: a side of a triangle facing away from it is dark without a ray, except where the triangle
 //! approximates a round surface that faces it (`terminator`). The cosine of the light stays that of the disc's centre,
 //! by which colours were lit. For a disc above the horizon of its surface, the mean of the cosines is this cosine times
 //! (1 + cos a) / 2, where a is the disc's half angle. For the sun of the sky this factor is 1 - 5e-6.
@@ -25,7 +25,7 @@ pub(super) struct LitSide<'p> {
     pub(super) triangle: u32,
 }
 
-/// A light's disc, as a side of a surface sees it.
+/// A light's disc as seen from a side of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Disc<'p> {
     pub(super) sampler: &'p ConeSampler,
@@ -89,7 +89,7 @@ impl DiscRays {
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The disc of a pass's only light, as a side of a surface sees it; `None` where the light is a point.
+    /// The disc of a pass's only light as seen from a side of a surface; `None` where the light is a point.
     pub(super) fn disc_of_sun<'p>(&'p self, key: u32, side: LitSide<'p>) -> Option<Disc<'p>> {
         self.disc.as_ref().map(|sampler| Disc { sampler, center: self.to_light, key, side })
     }

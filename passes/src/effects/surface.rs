@@ -15,7 +15,7 @@ pub struct Surface {
     point: SurfacePoint,
     /// Unit geometric normal, on the viewer's side.
     pub facing: Vec3,
-    /// Unit shading normal, turned to the same side as [`Self::facing`].
+    /// Unit shading normal, flipped to the same side as [`Self::facing`].
     pub normal: Vec3,
 }
 
@@ -69,8 +69,8 @@ impl Surface {
         self.point.is_drawn_in()
     }
 
-    /// The normal by which a mirror or pane bends the direction `view`. It is the shading normal, unless that looks
-    /// away from the viewer or would mirror light into the surface; then the geometric normal.
+    /// The normal by which a mirror or pane bends the direction `view`. It is the shading normal, unless the shading normal faces away from the
+    /// viewer or would mirror light into the surface; then it is the geometric normal.
     pub fn interface_normal(&self, view: Vec3) -> Vec3 {
         let usable = self.normal.dot(view) < 0.0 && reflect(view, self.normal).dot(self.facing) > 0.0;
         if usable { self.normal } else { self.facing }

@@ -1,14 +1,13 @@
-//! The shadow terminator: light on triangles that approximate a smooth surface, where only one of the two is turned to
-//! the light.
+//! The shadow terminator: light on triangles that approximate a smooth surface, where either the triangle or the smooth surface, but not both,
+//! faces the light.
 //!
-//! A triangle that faces the light is dark where the smooth surface is turned away, so that the border of the light is
+//! A triangle that faces the light is dark where the smooth surface faces away, so that the border of the light is
 //! a smooth curve and does not follow the edges of triangles.
 //!
-//! Where the triangle is turned away and the smooth surface is not, a point of the triangle is lifted onto that surface,
-//! which the normals at the corners describe. For each corner, the point is projected onto the tangent plane if it lies
-//! below that plane. The three projections are weighted by the barycentric coordinates (Hanika, "Hacking the Shadow
-//! Terminator", Ray Tracing Gems II, 2021, chapter 4). The shadow ray starts at the lifted point. A second ray tests the
-//! way from the triangle to the lifted point, so that an occluder in between blocks the light.
+//! Where the triangle faces away and the smooth surface does not, a point of the triangle is lifted onto the smooth surface, which the normals at
+//! the corners describe. For each corner, the point is projected onto the tangent plane if it lies below that plane. The three projections are
+//! weighted by the barycentric coordinates (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021, chapter 4). The shadow ray starts
+//! at the lifted point. A second ray tests the segment from the triangle to the lifted point, so that an occluder in between blocks the light.
 
 use super::coverage::Coverage;
 use super::interpolate::{locate, weighed};
@@ -27,7 +26,7 @@ pub const ROUND: f32 = 0.85;
 pub(super) struct Lifted {
     /// Origin off the triangle, on the lit side.
     from: Vec3,
-    /// Vector from there to the smooth surface; not 0.
+    /// Vector from `from` to the smooth surface; not 0.
     way: Vec3,
 }
 
@@ -44,8 +43,8 @@ impl Lifted {
     }
 }
 
-/// The normals at a triangle's corners, turned to the side of unit normal `facing`. `None` where the triangle approximates no round surface:
-/// there are no vertex normals, or they are equal, or one is more than 32 degrees off the triangle's normal ([`ROUND`]).
+/// The normals at a triangle's corners, flipped to the side of unit normal `facing`. `None` where the triangle approximates no round surface: there
+/// are no vertex normals, or they are equal, or one is more than 32 degrees off the triangle's normal ([`ROUND`]).
 fn round_normals(geometry: &Geometry, triangle: u32, facing: Vec3) -> Option<[Vec3; 3]> {
     if geometry.normals.is_empty() {
         return None;
@@ -75,8 +74,8 @@ pub fn horizon(geometry: &Geometry, triangle: u32, point: &SurfacePoint, facing:
         .map_or(facing, |normals| weighed(normals, &locate(geometry, triangle, point.position)))
 }
 
-/// Whether a point of a triangle, on the side of unit normal `facing`, is turned away from light in the unit direction `to_light`: the triangle
-/// is turned away, or the round surface that it approximates is.
+/// Whether a point of a triangle, on the side of unit normal `facing`, faces away from light in the unit direction `to_light`: the triangle faces
+/// away, or the round surface that it approximates does.
 ///
 /// # Panics
 /// If there is no such triangle.
@@ -93,9 +92,9 @@ pub fn is_turned(geometry: &Geometry, triangle: u32, point: &SurfacePoint, (faci
 }
 
 /// Vector from a point of a triangle to the smooth surface. The point is on the side of unit normal `facing`, which is
-/// turned away from the light; `to_light` is the unit direction to the light.
+/// facing away from the light; `to_light` is the unit direction to the light.
 ///
-/// The vector is 0 where the smooth surface is turned away as well, where the triangle approximates no round one, and
+/// The vector is 0 where the smooth surface faces away as well, where the triangle approximates no round one, and
 /// where the point lies below none of the tangent planes at the corners.
 ///
 /// # Panics
@@ -119,7 +118,7 @@ pub fn way_onto_round(
 }
 
 impl<T: Tracer, C> Pass<'_, T, C> {
-    /// Lifts a point of a triangle whose side of normal `facing` is turned away from light in direction `to_light`.
+    /// Lifts a point of a triangle whose side of normal `facing` faces away from light in direction `to_light`.
     /// `None` where the point is dark without a ray ([`way_onto_round`]), and on spheres.
     pub(super) fn lifted(
         &self,

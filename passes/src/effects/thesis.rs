@@ -20,7 +20,7 @@ pub fn is_glass_mask(color: [f32; 4]) -> bool {
     x > 0.0 && y == 0.0 && z > 0.0 && w == 0.0
 }
 
-/// OptiX's `refract`: the sign of `dot(i, n)` tells the side; `None` at total reflection.
+/// OptiX's `refract`: the sign of `dot(i, n)` decides the side; `None` at total reflection.
 pub fn refract(i: Vec3, n: Vec3, index: f32) -> Option<Vec3> {
     let cos = i.dot(n);
     let (n, cos, eta) = if cos > 0.0 { (-n, -cos, index) } else { (n, cos, 1.0 / index) };
@@ -32,7 +32,7 @@ pub fn refract(i: Vec3, n: Vec3, index: f32) -> Option<Vec3> {
     Some(refracted * refracted.length_recip())
 }
 
-/// OptiX's `faceforward`: `n` as it is if `i` and `reference` point the same way, else turned round.
+/// OptiX's `faceforward`: `n` if the dot product of `i` and `reference` is not negative, else `-n`.
 pub fn face_forward(n: Vec3, i: Vec3, reference: Vec3) -> Vec3 {
     n * 1f32.copysign(i.dot(reference))
 }
@@ -64,7 +64,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         ((b - a).cross(c - a).normalize_or_zero(), shading.normalize_or_zero())
     }
 
-    /// Whether the way from a position to the light has no hit for which `stops` is true.
+    /// Whether the ray from a position to the light has no hit for which `stops` is true. Also true for a position that is not finite.
     pub(super) fn thesis_sees_light(&self, position: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
         self.announce_visibility(Purpose::Shadow, 1.0);
         let ray = Ray { origin: position, direction: self.to_light, t_min: EPSILON, t_max: f32::INFINITY };

@@ -13,7 +13,7 @@ const SQUARE: usize = 2;
 /// Squares along a side of a tile.
 const SQUARES: usize = TILE / PART / SQUARE;
 
-/// Column and row of a part's first pixel. Parts 4 k to 4 k + 3 form a square.
+/// Column and row of a part's first pixel. Parts 4 k to 4 k + 3 form a square of 8 x 8 pixels.
 #[inline(always)]
 pub(super) fn corner_of(part: usize) -> (usize, usize) {
     let (square, part) = (part / (SQUARE * SQUARE), part % (SQUARE * SQUARE));
@@ -45,8 +45,8 @@ pub struct Area {
 }
 
 impl Area {
-    /// The pixels, part by part (4 x 4 pixels), each with its place in the tile (row by row, [`TILE`] a row). Parts 4 k to
-    /// 4 k + 3 form a square, too.
+    /// The pixels, part by part (4 x 4 pixels), each with its place in the tile (row by row, [`TILE`] a row). Parts 4 k to 4 k + 3 form a square of
+    /// 8 x 8 pixels.
     pub fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
         let place = |index: usize| {
             let (part, inner) = (index / (PART * PART), index % (PART * PART));

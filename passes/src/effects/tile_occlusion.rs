@@ -13,8 +13,8 @@ use glam::Vec3;
 const LEAST: usize = 2;
 /// Pixels along a side of the squares for which a subset of the gathered triangles is picked.
 const PART: usize = 4;
-/// Extent of a square's ray origins, in units of the radius, above which the square is split in four: triangles near
-/// one origin are then far from the others.
+/// Extent of a square's ray origins, in units of the occlusion radius, above which the square is split in four: triangles near one origin are then
+/// far from the others.
 const EXTENT: f32 = 4.0;
 /// Extent below which a square with too many triangles near it is not split, because its quarters have hardly fewer.
 const CUT: f32 = 0.5;
@@ -88,7 +88,7 @@ fn each<T: Tracer, C: Coverage>(
     }
 }
 
-/// What the occlusion rays of a square's pixels share: the bounds of their origins and, if all pixels have the same, the normal.
+/// What the occlusion rays of a square's pixels share: the bounds of their origins, and the geometric normal if it is the same for all pixels.
 struct Part {
     pixels: usize,
     low: Vec3,

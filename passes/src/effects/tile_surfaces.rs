@@ -182,9 +182,8 @@ impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Kernel<()> for Survey<'_
     }
 }
 
-/// Computes the light of a tile. `origin` is called for each pixel with its known results. It returns the light's share if
-/// that needs no ray, or the origin of the shadow ray, or neither if the pixel's light is not computed here. `stops` says whether a hit of a
-/// ray stops light.
+/// Computes the light of a tile. `origin` is called for each pixel with its known results. `origin` returns the light's share if that needs no ray,
+/// or the origin of the shadow ray, or neither if the pixel's light is not computed here. `stops` says whether a hit of a ray stops light.
 ///
 /// Returns the number of rays.
 pub(super) fn prepare_light<T: Tracer, C: Coverage>(

@@ -1,4 +1,4 @@
-//! The visible pixels of a tile: those that show a triangle a program asks about. They are read sixteen at a time.
+//! The pixels of a tile that show a triangle or sphere and that a program wants. They are read sixteen at a time.
 
 use super::coverage::Coverage;
 use super::pass::{Pass, Pixel};
@@ -27,11 +27,10 @@ impl Default for VisiblePixels {
 }
 
 impl VisiblePixels {
-    /// Finds the wanted pixels of a tile.
+    /// Finds the wanted pixels of a tile: those with a triangle id for which `wanted` is true.
     ///
-    /// Prefetches positions and triangles of the next tile meanwhile. For each cache line of positions there, `fetch` gets
-    /// the index of one pixel, to prefetch more. The rows of a tile are short and too far apart for the processor's own
-    /// prefetcher.
+    /// Meanwhile prefetches positions and triangles of the next tile. For each cache line of positions of the next tile, `fetch` gets the index of
+    /// one pixel, to prefetch more. The rows of a tile are short and too far apart for the processor's own prefetcher.
     #[inline(always)]
     pub(super) fn collect<S: Simd, T: Tracer, C: Coverage>(
         &mut self,

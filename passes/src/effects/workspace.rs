@@ -14,7 +14,7 @@ pub struct Workspace {
     pub rays: RayCounts,
     /// Place of the current pixel in its tile: row by row, [`TILE`](super::TILE) places a row.
     pub place: usize,
-    /// Results that were computed for the tile's pixels before their turn.
+    /// Results for the tile's pixels that were computed before the pixels themselves.
     pub surfaces: TileSurfaces,
     /// Results that were computed for a whole tile of `deferredShadows`.
     pub(super) shadows: deferred_shadows::Tile,
@@ -31,7 +31,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Forgets the previous pass: its counts, and the results of its last tile.
+    /// Resets the counts, and forgets the results of the last tile, which may be of another pass.
     pub(crate) fn begin(&mut self) {
         self.rays = RayCounts::default();
         self.place = 0;

@@ -4,7 +4,7 @@ use curitiba_pipeline::scene::Sphere;
 use glam::{DMat4, DVec3, DVec4};
 use std::ops::Range;
 
-/// The columns and rows of a viewport of `size` pixels that a sphere covers, with a margin. `matrix` leads from positions relative to
+/// The columns and rows of a viewport of `size` pixels that a sphere covers, with a margin. `matrix` maps from positions relative to
 /// `eye` to clip space. `None` where the sphere is behind the eye or outside the viewport.
 pub(in crate::raster) fn covered_pixels(
     sphere: &Sphere,

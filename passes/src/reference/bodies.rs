@@ -30,7 +30,7 @@ struct Path {
     surfaces: u32,
     /// How often the path was divided in two.
     splits: u32,
-    /// The wavelength of its light, nanometres; `None` until a body has bent colours apart.
+    /// The wavelength of its light, nanometres; `None` until a body has dispersed the light.
     wavelength: Option<f64>,
     /// Whether the path has met a rough surface.
     is_scattered: bool,
@@ -247,7 +247,7 @@ impl Walk<'_> {
             if let Some((direction, _)) = onward.through.filter(|_| share != DVec3::ZERO) {
                 let divides = reflected != DVec3::ZERO;
                 if !both {
-                    // Beyond the depth, the path is not divided: the refracted way gets the weight of both.
+                    // Beyond the depth, the path is not divided: the refracted branch gets the weight of both branches.
                     (reflected, share) = (DVec3::ZERO, share + reflected);
                 }
                 let own = Path { wavelength: part.wavelength, ..path.clone() };
@@ -298,7 +298,7 @@ impl Walk<'_> {
         }
         let mut bent = bend(interface_normal(surface, direction));
         if bent.2.is_some_and(|refracted| refracted.dot(surface.facing) >= 0.0) {
-            // A bent normal can refract light back to the viewer's side; then the triangle's normal is used.
+            // An interpolated or normal-mapped normal can refract light back to the viewer's side; then the triangle's normal is used.
             bent = bend(surface.facing);
         }
         let (normal, interface, refracted) = bent;
@@ -322,7 +322,7 @@ impl Walk<'_> {
         self.sample.in_light(self.pass, color, surface, (surface.facing, false), (path.weight, path.key))
     }
 
-    /// Follows both ways; beyond the depth, only the way through the surface, with the weight of both.
+    /// Follows both branches; beyond the depth, only the branch through the surface, with the weight of both.
     fn split(&self, from: &Surface, back: Option<Way>, through: Option<Way>, path: &Path) -> DVec3 {
         let counts = |way: &Way| way.share != DVec3::ZERO;
         match (back.filter(counts), through.filter(counts)) {
@@ -337,7 +337,7 @@ impl Walk<'_> {
         }
     }
 
-    /// What a way adds to the colour. `splits` is added to the number of divisions of the path.
+    /// What a branch adds to the colour. `splits` is added to the number of divisions of the path.
     fn follow(&self, from: &Surface, way: Way, path: &Path, splits: u32) -> DVec3 {
         let path = Path {
             bodies: way.bodies,

@@ -1,4 +1,4 @@
-//! Lights with a disc: directions to its points.
+//! Directional lights that are discs in the sky, not points: directions to points of the disc.
 
 use super::job::Traced;
 use super::points::{Points, Purpose, branch};
@@ -22,7 +22,7 @@ pub(super) struct Discs {
 }
 
 impl Discs {
-    /// The discs of a pass; `None` where its lights are points.
+    /// The discs of a pass; `None` where its lights have no disc.
     pub fn of(pass: &Traced<'_>, key: u64, index: u32) -> Option<Self> {
         if pass.program.info().sun_samples(&pass.params) == 0 {
             return None;

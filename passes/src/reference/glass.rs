@@ -1,4 +1,4 @@
-//! The report's glass: one plane stands for a whole pane.
+//! The report's glass: each surface of glass is treated as a whole pane.
 
 use super::job::Traced;
 use super::optics::{interface_normal, mirrored, split};
@@ -29,7 +29,7 @@ impl Sample<'_, '_> {
         DVec3::ZERO
     }
 
-    /// The colour of glass in a direction after `bounces` bounces: the reflected and the refracted colour, by their shares.
+    /// The colour of glass seen along `direction`, after `bounces` bounces: the reflected and the refracted colour, by their shares.
     pub(super) fn pane(
         &self,
         pass: &Traced<'_>,
@@ -41,7 +41,7 @@ impl Sample<'_, '_> {
         let mut normal = interface_normal(surface, direction);
         let (mut share, mut refracted) = split(direction, normal, index);
         if refracted.is_some_and(|refracted| refracted.dot(surface.facing) >= 0.0) {
-            // A bent normal can refract the ray back to the viewer's side; then the triangle's normal is used.
+            // An interpolated or normal-mapped normal can refract the ray back to the viewer's side; then the triangle's normal is used.
             normal = surface.facing;
             (share, refracted) = split(direction, normal, index);
         }

@@ -23,8 +23,8 @@ impl Look<'_> {
         self.sun.map_or(DVec3::ZERO, |sun| -sun.direction.as_dvec3().normalize())
     }
 
-    /// Cosine of the light at a surface that the camera sees, by the unturned shading normal; of several lights, the greatest. With a
-    /// normal map it is 0 where the vertex normal faces away.
+    /// Cosine of the light at a surface that the camera sees, by the shading normal, not flipped to the viewer's side; of several lights,
+    /// the greatest. With a normal map it is 0 where the vertex normal faces away.
     pub(super) fn seen_cosine(&self, surface: &Surface) -> f64 {
         if !self.lights.is_empty() {
             return self.greatest_cosine(surface);
@@ -117,7 +117,7 @@ impl Look<'_> {
             .is_some_and(|origin| !world.is_blocked(origin, to_light, f64::INFINITY, stops))
     }
 
-    /// The share of the light from a direction that reaches the side of normal `facing` in `final`: each glass surface on the way dims it,
+    /// The share of the light from a direction that reaches the side of normal `facing` in `final`: each glass surface on the ray dims it,
     /// and an opaque one leaves [`SHADOWED`].
     pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, (facing, to_light): (DVec3, DVec3)) -> f64 {
         let stops = |hit: &DoubleHit| self.stops_light(world, hit);
@@ -159,9 +159,9 @@ impl Look<'_> {
 
     /// Origin of the ray from a side of a surface to the light; `None` where that side is dark without a ray.
     ///
-    /// A side is dark if the round surface that the triangle stands for is turned away from the light, or if the triangle is turned away and stands
-    /// for no round surface. If only the triangle is turned away, the ray starts on the round surface (Hanika, "Hacking the Shadow Terminator", Ray
-    /// Tracing Gems II, 2021); the side is dark if something that stops light lies between the two.
+    /// A side is dark if the round surface that the triangle approximates faces away from the light, or if the triangle faces away and
+    /// approximates no round surface. If only the triangle faces away, the ray starts on the round surface (Hanika, "Hacking the Shadow
+    /// Terminator", Ray Tracing Gems II, 2021); the side is dark if something that stops light lies between the triangle and that start.
     pub(super) fn start_to_light(
         &self,
         world: &World<'_>,
@@ -187,8 +187,8 @@ pub(super) fn texture(world: &World<'_>, shade: &Shade, surface: &Surface) -> Op
     shade.texture.filter(|_| world.sphere(surface.triangle).is_none())
 }
 
-/// The normals at the corners of a triangle that stands for a round surface, and 1 if they look to the side of normal `facing`, else -1. `None`
-/// for spheres, without vertex normals, and where the normals are equal or one of them is far from the triangle's.
+/// The normals at the corners of a triangle that approximates a round surface, and 1 if they point to the side of normal `facing`, else -1.
+/// `None` for spheres, without vertex normals, and where the normals are equal or one of them is far from the triangle's.
 fn round_normals(world: &World<'_>, surface: &Surface, facing: DVec3) -> Option<(f64, [DVec3; 3])> {
     let geometry = &world.scene.geometry;
     if geometry.normals.is_empty() || world.sphere(surface.triangle).is_some() {
@@ -203,8 +203,8 @@ fn round_normals(world: &World<'_>, surface: &Surface, facing: DVec3) -> Option<
 }
 
 /// Vector from a point of a triangle to the round surface that the normals at the corners describe. The point is projected onto the tangent
-/// planes at those corners that it lies below, and the projections are weighted by its barycentric coordinates. `None` where it is on the
-/// round surface.
+/// planes at those corners that it lies below, and the projections are weighted by its barycentric coordinates. `None` where the point is
+/// on the round surface.
 fn way_onto_round(world: &World<'_>, surface: &Surface, (side, normals): (f64, [DVec3; 3])) -> Option<DVec3> {
     let geometry = &world.scene.geometry;
     let corners = geometry.triangles[surface.triangle as usize];

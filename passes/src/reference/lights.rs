@@ -1,4 +1,4 @@
-//! Several lights, and lights with a place: the light that arrives from them, and the share that their shadows leave.
+//! Several lights, and lights with a position: the light that arrives from them, and the share that their shadows leave.
 
 use super::disc::{self, Discs};
 use super::job::Look;
@@ -8,7 +8,7 @@ use crate::trace::DoubleHit;
 use curitiba_pipeline::backend::Light;
 use glam::DVec3;
 
-/// Part of the way to a light that its shadow rays leave out at the light's end, as in the renderer.
+/// Share of the distance to a light by which its shadow rays end before the light, as in the renderer.
 const BEFORE_LIGHT: f64 = 1.0 / 1024.0;
 
 /// Unit direction from a point to a light, and the light that arrives there by colour, for a cosine of 1.
@@ -56,10 +56,10 @@ impl Look<'_> {
         self.lights.iter().map(each).fold(0.0, f64::max)
     }
 
-    /// The share of a surface's colour, on a side, that shadows leave: ambient light and arriving light, divided by ambient light and the light
-    /// without shadows. `is_seen` says whether the camera itself sees the surface. `passes` returns the share of a light that arrives along a ray
-    /// (origin and direction) from a distance. Hits for which `stops` is true block the way from a triangle to the round surface that it stands
-    /// for. A light with a disc counts by the part of its disc that is visible.
+    /// The share of a surface's colour, on the side of normal `facing`, that shadows leave: ambient light and arriving light, divided by
+    /// ambient light and the light without shadows. `is_seen` says whether the camera itself sees the surface. `passes` returns the share
+    /// of a light that arrives along a ray (origin and direction) from a distance. Hits for which `stops` is true block the path from a
+    /// triangle to the round surface that it approximates. A light with a disc counts by the part of its disc that is visible.
     pub(super) fn share_of_lights(
         &self,
         (world, discs): (&World<'_>, Option<Discs>),

@@ -80,7 +80,7 @@ impl<'w, 's> Sample<'w, 's> {
                 if job.seen.look.seen_cosine(surface) <= 0.0 {
                     return gray(1.0);
                 }
-                // The shaded side is the one that the vertex normals point to.
+                // The side that the raster pass shades is the one that the vertex normals point to.
                 let facing = if surface.flat.dot(surface.vertex) < 0.0 { -surface.flat } else { surface.flat };
                 let discs = Discs::of(pass, self.key, self.index);
                 if !pass.look.lights.is_empty() {
@@ -110,7 +110,8 @@ impl<'w, 's> Sample<'w, 's> {
                 self.pane(pass, surface, self.ray.direction, (0, 1.0, self.key)).extend(1.0)
             }
             RayProgram::Final => {
-                // The colour was lit by the unturned shading normal, so shadows belong to the side that it points to.
+                // The colour was lit by the shading normal, not flipped to the viewer's side, so shadows belong to the side that this
+                // normal points to.
                 let turned = surface.shading.dot(surface.facing) < 0.0;
                 let facing = if turned { -surface.facing } else { surface.facing };
                 let color = self.kept_on_sight(pass, surface) * own().truncate();
@@ -172,9 +173,8 @@ impl<'w, 's> Sample<'w, 's> {
     /// Directions below the triangle are mirrored at its plane. `weight` is the point's weight in the pixel, and `key`
     /// that of the path to it.
     ///
-    /// The power of a mean of few samples is biased, because the power curve is bent. With two independent means `a`
-    /// and `b` of a share, `2 power((a + b) / 2) - (power(a) + power(b)) / 2` has no bias to the first order of their
-    /// variance (the jackknife).
+    /// The power of a mean of few samples is biased, because a power is not linear. With two independent means `a` and `b` of a share,
+    /// `2 power((a + b) / 2) - (power(a) + power(b)) / 2` has no bias to the first order of their variance (the jackknife).
     fn open_share(
         &self,
         pass: &Traced<'_>,

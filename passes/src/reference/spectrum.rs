@@ -1,4 +1,4 @@
-//! Wavelengths, for bodies that bend colours apart.
+//! Wavelengths, for bodies that disperse light.
 
 use curitiba_pipeline::glass::{color_matching, daylight};
 use glam::{DMat3, DVec3};

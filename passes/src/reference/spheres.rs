@@ -9,7 +9,8 @@ pub(super) const BYTES_PER_SPHERE: u64 = 200;
 
 /// Greatest number of spheres in a leaf.
 const LEAF: usize = 4;
-/// By how much a box is larger than its spheres, relative to their coordinates: far more than rounding, so that the tree affects no answer.
+/// By how much a box is larger than its spheres, relative to their coordinates: far more than rounding, so that results do not depend on
+/// the tree.
 const SLACK: f64 = 1.0e-9;
 
 /// A binary tree, halved by the order of the centres along the longest side.
@@ -220,7 +221,7 @@ mod tests {
             let (center, radius) = (sphere.center.as_dvec3(), f64::from(sphere.radius));
             let lean = 2.0 * random(&mut state) - 1.0;
             let direction = (out * lean + across).normalize();
-            // As far off as the reference starts its rays.
+            // At the distance from the surface at which the reference starts its rays.
             let origin = center + out * radius + out * (3e-8_f64.copysign(lean));
             let ray = DoubleRay { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
             let found = tree.first(&ray, |_| true);

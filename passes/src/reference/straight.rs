@@ -32,14 +32,14 @@ impl Look<'_> {
         SHADOWED + (1.0 - SHADOWED) * arriving
     }
 
-    /// The share of the light from the distance `reach` that comes along a ray, by colour; 0 where something opaque is in the way.
+    /// The share of the light from the distance `reach` that comes along a ray, by colour; 0 where something opaque blocks the ray.
     pub(super) fn straight(&self, world: &World<'_>, ray: (DVec3, DVec3), reach: f64) -> DVec3 {
         let Some(mut hits) = self.glass_on_way(world, ray, reach) else { return DVec3::ZERO };
         hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         let mut surfaces: Vec<(f64, Surface)> = Vec::with_capacity(hits.len());
         for hit in hits {
             let surface = world.surface(self.shades, &hit, ray);
-            // Two triangles may be hit at the edge between them.
+            // Two triangles may be hit at their common edge: the second hit is the same surface, and is left out.
             let again = |(t, known): &(f64, Surface)| {
                 let is_alike = known.material == surface.material && known.is_front() == surface.is_front();
                 is_alike && hit.t - t <= ONE_SURFACE * hit.t
@@ -61,7 +61,8 @@ impl Look<'_> {
         light * self.kept_in(&bodies, reach - from)
     }
 
-    /// The share of straight light that a surface lets pass. `bodies` are those in front of it, and on return those behind it.
+    /// The share of straight light that a surface lets pass. On entry, `bodies` holds the bodies in front of the surface; on return, those
+    /// behind it.
     fn straight_at(&self, world: &World<'_>, surface: &Surface, direction: DVec3, bodies: &mut Bodies) -> DVec3 {
         let dielectric = &self.dielectrics[surface.material];
         let cosine = surface.vertex.try_normalize().unwrap_or(surface.flat).dot(direction).abs();
@@ -86,7 +87,7 @@ impl Look<'_> {
         }
     }
 
-    /// The refractive index of what fills a place; 1 for air.
+    /// The refractive index of the material that fills a place; 1 for air, which is `None`.
     pub(super) fn index_in(&self, material: Option<usize>, wavelength: Option<f64>) -> f64 {
         material.map_or(1.0, |material| index(&self.dielectrics[material], wavelength))
     }

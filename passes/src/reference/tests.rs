@@ -391,9 +391,10 @@ fn lamps_light_a_plane_by_the_inverse_square_add_and_end_at_their_cones() {
 fn a_square_below_a_lamp_throws_a_larger_shadow() {
     let mut stage = Stage::default();
     stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 0.0), Vec3::X * 20.0, Vec3::Y * 20.0);
-    // A square from 7 to 9 at half the height of a lamp above its middle: its shadow is from 6 to 10, and it hides the middle.
+    // A square from 7 to 9 at half the height of a lamp above its middle: the square's shadow is from 6 to 10, and the square hides the
+    // middle of that shadow.
     stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 4.0), Vec3::X, Vec3::Y);
-    // A square above the lamp throws none; the camera stands below it.
+    // A square above the lamp casts no shadow; the camera stands below this square.
     stage.quad(Vec3::splat(0.3), Vec3::new(8.0, -8.0, 90.0), Vec3::X * 20.0, Vec3::Y * 20.0);
     stage.lights = vec![lamp(Vec3::new(8.0, -8.0, 8.0), Vec3::splat(50.0))];
     let traced = stage.traced(RayProgram::DeferredShadows, RayParams::default());

@@ -12,7 +12,7 @@ pub(super) fn texel(texture: &Texture, uv: DVec2) -> DVec4 {
     let size = [i64::from(level.width), i64::from(level.height)];
     let fetch = |x: i64, y: i64| {
         let index = |at: i64, axis: usize| wrapped(texture.sampling.wrap[axis], at, size[axis]);
-        // v grows upwards, while rows are stored from the top: wrap v first, then turn it into a row.
+        // v grows upwards, while rows are stored from the top: wrap v first, then convert it to a row.
         let (column, row) = (index(x, 0), size[1] - 1 - index(y, 1));
         let [r, g, b, a] = level.texels[(row * size[0] + column) as usize];
         let color = |byte: u8| match texture.space {
@@ -55,7 +55,7 @@ mod tests {
     use curitiba_pipeline::scene::texture::Magnification;
     use glam::Vec2;
 
-    /// Compares with the product's sampler in `f32`. The two share only the definition.
+    /// Compares with the renderer's sampler in `f32`. The two share only the definition.
     #[test]
     fn texels_are_those_of_the_rasteriser_at_level_0() {
         let texels: Vec<[u8; 4]> = (0..15_u8).map(|i| [i * 17, 255 - i * 9, i.wrapping_mul(77), 40 + i * 10]).collect();

@@ -37,13 +37,14 @@ pub(super) struct Surface {
     pub weights: [f64; 3],
     /// Unit normal of the counter-clockwise side. For a sphere, this and the next two normals point outwards.
     pub flat: DVec3,
-    /// The interpolated vertex normal, neither turned nor of unit length; 0 where there is none.
+    /// The interpolated vertex normal, neither flipped to the viewer's side nor of unit length; 0 where there is none.
     pub vertex: DVec3,
-    /// The vertex normal bent by the normal map, as a unit vector and not turned; 0 where it has cancelled.
+    /// The vertex normal, bent by the normal map if there is one, as a unit vector, not flipped to the viewer's side; 0 without a vertex
+    /// normal, or where it has cancelled.
     pub shading: DVec3,
-    /// Unit normal of the triangle, turned to the viewer's side.
+    /// Unit normal of the triangle, flipped to the viewer's side.
     pub facing: DVec3,
-    /// Unit shading normal, turned to the side of [`Self::facing`].
+    /// Unit shading normal, flipped to the side of [`Self::facing`].
     pub normal: DVec3,
 }
 
@@ -89,7 +90,7 @@ impl<'a> World<'a> {
         self.scene.geometry.sphere(id)
     }
 
-    /// Whether a triangle is a sky, which shows as it is.
+    /// Whether a triangle belongs to a sky, whose colour no pass changes.
     pub fn is_sky(&self, triangle: u32) -> bool {
         self.scene.geometry.sky.contains(triangle)
     }
@@ -133,7 +134,7 @@ impl<'a> World<'a> {
         self.first(&ray, |hit| self.covers(shades, hit))
     }
 
-    /// Whether a hit blocks the way. For spheres, and where the material needs it, `stops` decides.
+    /// Whether a hit blocks the ray. For spheres, and where the material needs it, `stops` decides.
     pub fn is_blocked(
         &self,
         origin: DVec3,

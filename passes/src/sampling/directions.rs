@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 /// Points that are computed together; loops of this fixed length are vectorised.
 const BLOCK: usize = 16;
 
-/// Replaces `directions` by cosine-distributed ones for `points`, scrambled by `seeds`. If `above` is given, directions with
+/// Replaces `directions` by cosine-distributed ones for `points`, scrambled by `seeds`. If `above`, a unit vector, is given, directions with
 /// `direction · above < 0` are mirrored at the plane of `above`. `above` is a reference: a copy would be read as a whole just after its parts were
 /// written, which stalls some processors.
 ///

@@ -27,7 +27,7 @@ pub const PHOTON_PLACE: u32 = ROULETTE + 3;
 /// Counter of [`dimensions`] for the direction of a photon. The counter before it seeds the shuffle of these directions.
 pub const PHOTON_DIRECTION: u32 = ROULETTE + 5;
 
-/// Counter of [`dimensions`] for the choice of the way that a photon takes at a surface.
+/// Counter of [`dimensions`] for the choice between reflection and refraction of a photon at a surface.
 pub const PHOTON_WAY: u32 = ROULETTE + 6;
 
 /// Branch of [`path_key`] for the second half of a pixel's sample.

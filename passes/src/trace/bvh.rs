@@ -107,8 +107,8 @@ impl Bvh {
     }
 }
 
-/// The traversals. `accept` is called for transparent triangles only, so the dynamic call through a trait object is rare; it lets each
-/// traversal be compiled once.
+/// The traversals. `accept` is called for transparent triangles only, so its dynamic calls through a trait object are rare. Because of the
+/// trait object, each traversal is compiled once, not once for each closure.
 impl Bvh {
     fn find_closest(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
         let hit = self.instruction_set.run(Closest { tree: &self.tree, ray, accept: &mut *accept });
@@ -243,7 +243,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Kernel<()> for ClosestPackets<'_, A> {
     }
 }
 
-/// Occlusion query for packets. With `LISTS`, packets of parallel rays are answered from lists of triangles where that is possible.
+/// Occlusion query for packets. With `LISTS`, packets of parallel rays are tested against lists of triangles where that is possible.
 struct OccludedPackets<'a, A, const LISTS: bool> {
     tree: &'a WideTree,
     packets: &'a [Packet],

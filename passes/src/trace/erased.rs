@@ -1,4 +1,4 @@
-//! Tracers behind a pointer, so that programs are compiled once for all of them.
+//! Tracers behind a trait object, so that programs are compiled once for all of them.
 
 use super::fan::{Candidates, Neighbourhood};
 use super::parallel::{Decided, Estimates};
@@ -6,7 +6,7 @@ use super::ray::{Fan, Hit, Packet, PacketHits, Ray, Recent};
 use super::tracer::{Announcement, Tracer};
 use glam::Vec3;
 
-/// The queries of [`Tracer`] as a trait that can be pointed to. Every tracer has it.
+/// The queries of [`Tracer`] as a trait that can be a trait object. Every tracer implements it.
 pub trait DynTracer: Sync {
     /// [`Tracer::SPHERES`].
     fn knows_spheres(&self) -> bool;
@@ -141,7 +141,7 @@ impl<T: Tracer> DynTracer for T {
     }
 }
 
-/// A [`Tracer`] that forwards to another through a pointer. `SPHERES` says whether programs are compiled with exact spheres.
+/// A [`Tracer`] that forwards to another through a trait object. `SPHERES` says whether programs are compiled with exact spheres.
 #[derive(Clone, Copy)]
 pub(crate) struct Erased<'a, const SPHERES: bool> {
     tracer: &'a dyn DynTracer,

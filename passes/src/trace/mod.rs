@@ -4,23 +4,23 @@
 //! * [`Bvh`] is the fast one: watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1),
 //!   2013), with conservative box tests.
 //! * [`BruteForce`] is the reference that tests compare with.
-//! * [`Double`] gives the same answers as [`BruteForce`], fast enough for reference pictures.
-//! * [`WithSpheres`] puts exact spheres ([`SphereTree`]) beside the triangles of another tracer.
+//! * [`Double`] gives the same results as [`BruteForce`], fast enough for reference pictures.
+//! * [`WithSpheres`] adds exact spheres ([`SphereTree`]) to the triangles of another tracer.
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
-//! * [`DynTracer`] is any tracer behind a pointer.
-//! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
+//! * [`DynTracer`] is any tracer behind a trait object.
+//! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface that they leave.
 //!
-//! The folders are floors: each uses those below it, never one above it, and the test `layout` fails where that is broken.
+//! The modules form layers: each uses modules of lower layers only, which the test `layout` checks. The uppermost layer comes first:
 //!
-//! | floor | what it holds |
+//! | layer | what it holds |
 //! |---|---|
 //! | `bvh`, `reference`, `recorder`, `with_spheres`, `erased` | the tracers |
-//! | `tracer`, `segments` | the traits that effects and devices meet at |
+//! | `tracer`, `segments` | the traits through which effects and devices query tracers |
 //! | `parallel` | rays of one direction |
-//! | `packet`, `fan` | rays that start or run side by side |
-//! | `single`, `build`, `origin`, `spheres` | one ray; how the tree is made; where rays start; exact spheres |
+//! | `packet`, `fan` | packets of similar rays; fans of rays from one origin |
+//! | `single`, `build`, `origin`, `spheres` | one ray; how the tree is built; where rays start; exact spheres |
 //! | `tree` | the tree in memory |
-//! | `ray` | questions and answers |
+//! | `ray` | rays and hits |
 //! | `rounding` | every error bound |
 //! | `simd` | vectors |
 

@@ -1,4 +1,4 @@
-//! A tracer that keeps its queries and their answers.
+//! A tracer that records its queries and their results.
 
 use super::ray::{Hit, Ray};
 use super::tracer::{Announcement, Purpose, Tracer};
@@ -19,24 +19,24 @@ pub enum Outcome {
     Open,
 }
 
-/// A ray and its answer.
+/// A ray and its result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedRay {
     /// Purpose of the ray.
     pub purpose: Purpose,
     /// Number of glass surfaces on the path before the ray.
     pub bounce: u32,
-    /// The ray's share of the pixel: the product of the weights along its path. A visibility multiplies the colour that it belongs to, so a
-    /// shadow ray has the weight of that colour, and each of N occlusion rays has 1/N of it.
+    /// The ray's share of the pixel: the product of the weights along its path. A visibility is a factor of a colour: a shadow ray has the
+    /// weight of that colour, and each of N occlusion rays has 1/N of it.
     pub weight: f32,
     /// The ray.
     pub ray: Ray,
     /// Id of the triangle or sphere that the ray leaves; `None` if it leaves none, as at a pixel that shows no surface.
     pub leaves: Option<u32>,
-    /// Distance of the ray's origin from the plane of that triangle, or from that sphere, positive on the side to which the ray goes; 0 if
-    /// there is no surface.
+    /// Distance of the ray's origin from the plane of that triangle, or from the surface of that sphere: positive on the side to which the
+    /// ray goes; 0 if the ray leaves no surface.
     pub offset: f64,
-    /// The answer.
+    /// What the ray met.
     pub outcome: Outcome,
     /// Candidate hits on transparent materials, each with whether it was accepted: alpha cut-outs, glass that lets light pass.
     pub asked: Vec<(Hit, bool)>,
@@ -68,7 +68,7 @@ struct Log {
     events: Vec<Event>,
 }
 
-/// Forwards queries to another tracer, one ray at a time, and keeps all queries and answers of **one pixel**.
+/// Forwards queries to another tracer, one ray at a time, and records all queries and results of **one pixel**.
 ///
 /// For inspecting a pixel; it locks a mutex and allocates for each ray.
 #[derive(Debug)]
@@ -142,7 +142,7 @@ impl<'a, T: Tracer> Recorder<'a, T> {
     }
 }
 
-/// Wraps `accept` so that each candidate and its answer are added to `asked`.
+/// Wraps `accept` so that each candidate is added to `asked`, with whether it was accepted.
 fn listen<'l>(
     asked: &'l mut Vec<(Hit, bool)>,
     accept: &'l mut impl FnMut(&Hit) -> bool,

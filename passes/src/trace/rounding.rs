@@ -1,8 +1,9 @@
 //! Every bound on a rounding error, with its derivation, and the verdict that such a bound allows.
 //!
-//! `u` is [`UNIT_ROUNDOFF`]. A test with a bound says "hit" or "miss" only where its number is farther from 0 than the bound; everything
-//! nearer is left to the watertight test. Too wide a bound costs time, and too small a bound gives a wrong picture: tests with each bound
-//! reduced check that wrong verdicts appear. The bounds that device code needs are written from here to `cuda/programs/params.cuh`.
+//! `u` is [`UNIT_ROUNDOFF`]. A test with a bound says "hit" or "miss" only where the value that it computes is farther from 0 than the
+//! bound; where the value is nearer, the watertight test decides. Too wide a bound costs time, and too small a bound gives a wrong picture:
+//! tests with each bound reduced check that wrong verdicts appear. The bounds that device code needs are written from here to
+//! `cuda/programs/params.cuh`.
 
 use super::simd::Mask;
 
@@ -47,8 +48,8 @@ pub(crate) const RIM_ERROR: f32 = 4.0 / 4096.0;
 
 // The edge functions of a triangle.
 
-/// Error of an edge function whose planes pass through a common origin, in units of the largest coordinates `M` and `M'` of its two
-/// corners relative to that origin.
+/// Error of an edge function whose plane passes through a common origin, in units of `M M'`: `M` and `M'` are the largest coordinates of
+/// its two corners relative to that origin.
 ///
 /// The watertight test shears a corner with an error of at most `5 u (|x| + |z|)`, that is `10 u M`. Its products then err by
 /// `80 u M M'`, and their rounding by `16 u M M'`. The normal through the origin errs by `8 u M M'` along each axis (the relative corners
@@ -89,8 +90,8 @@ pub(crate) const LONGEST_DIRECTION: f32 = 1.0 + 1.0e-3;
 /// Triangles thinner than this share of their length are left to the watertight test: their normal, in `f64`, is less precise than the
 /// plane test needs.
 pub(crate) const THIN: f64 = 1.0e-7;
-/// Range of the sum of squared edge lengths, from `SMALLEST_SQUARE` to [`LARGEST_SQUARE`], in which the plane test of a leaf neither
-/// underflows nor overflows.
+/// Range, from `SMALLEST_SQUARE` to [`LARGEST_SQUARE`], of the error bound of `p` in which the plane test of a leaf neither underflows nor
+/// overflows. The sum of squared edge lengths must also be at least `SMALLEST_SQUARE`.
 pub(crate) const SMALLEST_SQUARE: f32 = 1.0e-25;
 /// See [`SMALLEST_SQUARE`].
 pub(crate) const LARGEST_SQUARE: f32 = 1.0e25;
@@ -128,9 +129,9 @@ pub(crate) const OFFSET_MARGIN: f64 = 32.0;
 
 /// Square of the least ratio of a triangle's width to its length for which origins on it are estimated.
 pub(crate) const THIN_SQUARE: f64 = 1.0e-6;
-/// Units in the error of an estimate: this many of `u` times the coordinates, and as many of `u` times `q`.
+/// Factor in two terms of the error of an estimate: this times `u` times the largest coordinate, and this times `u E`.
 pub(crate) const COORDINATES_ERROR: f32 = 4.0;
-/// Units of `u Q` in the error of an estimate.
+/// Factor in the third term of the error of an estimate: this times `u Q` along the normal.
 pub(crate) const SHIFT_ERROR: f64 = 24.0;
 
 // Rays of a fan.

@@ -34,7 +34,7 @@ pub trait SegmentTracer: Send {
     /// Name of the device, for people.
     fn device(&self) -> String;
 
-    /// Finds the segments that are blocked by an opaque triangle other than the two of their pair. The answers are those of
+    /// Finds the segments that are blocked by an opaque triangle other than the two of their pair. The results are those of
     /// [`Tracer::occluded`](super::Tracer::occluded), one bit a segment in words of 32, the first segment in the lowest bit. The earlier
     /// contents of `bits` are discarded.
     ///

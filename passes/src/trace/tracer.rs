@@ -1,4 +1,4 @@
-//! What effects ask of a scene: the interface between programs and acceleration structures.
+//! The interface between effects and acceleration structures: the ray queries that effects make of a scene.
 
 use super::fan::{Candidates, Neighbourhood};
 use super::parallel::{Decided, Estimates};
@@ -41,16 +41,16 @@ pub struct Announcement {
     pub purpose: Purpose,
     /// Number of glass surfaces on the path before these rays; only for reflected and refracted rays.
     pub bounce: u32,
-    /// Factor by which the ray's result is multiplied in the colour of the surface that it leaves.
+    /// Factor of the ray's result in the colour of the surface that the ray leaves.
     pub weight: f32,
 }
 
 /// The ray queries that effects make.
 ///
-/// Each query takes a closure that decides whether a candidate hit is on a real surface: alpha-cut textures, and glass that shadow rays
-/// pass, are made this way. The closure is called for triangles of **transparent materials only** (the set of transparent materials is
-/// given when the tracer is built). Candidates come in no particular order; some may come more than once and some not at all. Hits on other
-/// triangles are accepted without a call.
+/// Each query takes a closure that accepts or rejects a candidate hit. Effects use it for alpha-cut textures, and for glass that shadow
+/// rays pass. The closure is called for triangles of **transparent materials only** (the set of transparent materials is given when the
+/// tracer is built). The order of the calls is not specified; a candidate may come more than once or not at all. Hits on other triangles
+/// are accepted without a call.
 pub trait Tracer: Sync {
     /// Whether the tracer supports exact spheres ([`Geometry::spheres`](curitiba_pipeline::scene::Geometry::spheres)). Hits on spheres have
     /// ids beyond those of the triangles, and no barycentric coordinates. For a tracer without spheres, effects are compiled without them.
@@ -59,12 +59,12 @@ pub trait Tracer: Sync {
     /// The nearest accepted hit; of several at the same distance, the one with the lowest triangle id.
     fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit>;
 
-    /// Whether any accepted hit exists other than on the sky ([`Geometry::sky`](curitiba_pipeline::scene::Geometry::sky)); the order of the
-    /// search is free.
+    /// Whether any accepted hit exists other than on the sky ([`Geometry::sky`](curitiba_pipeline::scene::Geometry::sky)). Any such hit may
+    /// end the search.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
 
-    /// An accepted hit; `None` where [`Self::occluded`] is false. Of several hits the tracer may choose any, but always the same. By default it
-    /// is the nearest.
+    /// An accepted hit that is not on the sky; `None` where [`Self::occluded`] is false. Of several hits the tracer may choose any, but
+    /// always the same. The default is [`Self::closest`], which is valid only for scenes without a sky.
     fn any(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         self.closest(ray, accept)
     }
@@ -165,8 +165,8 @@ pub trait Tracer: Sync {
         false
     }
 
-    /// Decides rays whose origins are only estimated, where the answer is certain, so that only the other rays need to be traced. A tracer
-    /// may always decide none.
+    /// Decides, for rays whose origins are known only within an error bound, whether they are blocked, where that is certain for all
+    /// origins within the bound. Only the undecided rays then need to be traced. A tracer may always decide none.
     fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
         let _ = estimates;
         decided.clear();
@@ -189,7 +189,7 @@ pub trait Tracer: Sync {
         }
     }
 
-    /// As [`Self::occluded_packets`], for rays that [`Self::decide`] left undecided: methods that failed there are not tried again.
+    /// As [`Self::occluded_packets`], for rays that [`Self::decide`] left undecided: the methods of [`Self::decide`] are not tried again.
     ///
     /// # Panics
     /// As [`Self::occluded_packets`].

@@ -1,4 +1,4 @@
-//! Exact spheres beside the triangles of another tracer.
+//! Exact spheres added to the triangles of another tracer.
 
 use super::fan::{Candidates, Neighbourhood};
 use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray};

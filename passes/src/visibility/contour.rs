@@ -112,9 +112,9 @@ struct Nodes<'a> {
 }
 
 impl Kernel<f64> for Nodes<'_> {
-    /// Let `a` be the position on the edge of the foot of the perpendicular, and `h` the perpendicular's length. The integral of
-    /// `ln √(x² + h²)` from `-a` to `b = length - a` is `(b ln(b² + h²) + a ln(a² + h²)) / 2 - length + h (atan(b/h) + atan(a/h))`; the two
-    /// arcs are one, with the tangent `h length / (h² - a b)`.
+    /// Let `a` be the position, along the edge, of the foot of the perpendicular from the point to the edge's line, and `h` the
+    /// perpendicular's length. The integral of `ln √(x² + h²)` from `-a` to `b = length - a` is `(b ln(b² + h²) + a ln(a² + h²)) / 2 -
+    /// length + h (atan(b/h) + atan(a/h))`; the sum of the two arctangents is one angle with the tangent `h length / (h² - a b)`.
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> f64 {
         let Self { inner: Inner { start, along, unit, length }, from, width } = self;

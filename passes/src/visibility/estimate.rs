@@ -1,4 +1,4 @@
-//! From a pair to its row, on the processor.
+//! Computes the row of a pair on the processor.
 
 use super::contour::exchange;
 use super::cover::Walls;
@@ -105,7 +105,7 @@ impl<'a> Method<'a> {
         if many { Found::Many(sampling) } else { Found::Gathered(sampling) }
     }
 
-    /// The exchange of a pair with nothing between. It uses the triangles themselves, without the offsets of ray origins.
+    /// The exchange (see `contour`) of a pair with nothing between. It uses the triangles themselves, without the offsets of ray origins.
     fn unblocked(&self, pair: &Pair) -> f64 {
         let [p, q] = pair.sides.map(|side| self.surfaces.corners(side.id).map(|corner| corner - pair.origin));
         let [n, m] = pair.sides.map(|side| side.normal);

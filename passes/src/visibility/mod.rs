@@ -14,7 +14,7 @@
 //! 4. [`Class::Sampled`]: everything else. Segments between the triangles, given by four-dimensional points, are tested in `f64` against
 //!    the triangles in the shaft, or traced where those are many.
 //!
-//! What makes results trustworthy:
+//! Properties of the results:
 //!
 //! * Segments run between error-bounded offset points of both triangles ([`SurfacePoint`](crate::trace::SurfacePoint)): no distance is
 //!   multiplied by an epsilon. What is nearer to a triangle than that offset is not seen.
@@ -24,7 +24,7 @@
 //!   `(b, a)`, for any number of threads, and for any order of the triangles.
 //! * Triangles are one-sided: light that leaves the back of one is not counted.
 //!
-//! It does not compute light that is reflected on the way, and it does not look through textures: triangles of materials that are not
+//! Light that is reflected between the triangles by others is not computed, and textures are not read: triangles of materials that are not
 //! opaque block nothing.
 
 mod contour;
@@ -185,7 +185,7 @@ impl Class {
 /// The result of a pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// The triangles, in the order in which they were asked for.
+    /// The triangles, in the order of the request.
     pub pair: [u32; 2],
     /// How the visibility was found.
     pub class: Class,
@@ -194,7 +194,8 @@ pub struct Row {
     /// Standard error of the visibility; 0 where it is exact. Where all counted segments are open, or all are blocked, it is the bound of
     /// the rule of three: 3 divided by their number, but at most 1. The visibility ± [`Self::QUANTILE`] times the error is a 95 % interval.
     pub error: f64,
-    /// The form factors from the first to the second triangle and back, if they were asked for: shares of what leaves a triangle.
+    /// The form factors from the first to the second triangle and back, if they were requested: the share of the light leaving the one
+    /// triangle that reaches the other.
     pub form_factors: Option<[f64; 2]>,
     /// Standard errors of the form factors; 0 where they are exact.
     pub form_factor_errors: [f64; 2],

@@ -1,4 +1,4 @@
-//! From many pairs to their rows, with segments that are traced on a device.
+//! Computes the rows of many pairs, with segments that a device traces.
 
 use super::estimate::{Found, GRAIN, Method, Room};
 use super::sampling::{Sampling, Step};
@@ -117,7 +117,7 @@ impl<'a> DeviceEstimator<'a> {
         waiting
     }
 
-    /// Traces the next steps of all waiting pairs on the device, and adds the answers to their tallies.
+    /// Traces the next steps of all waiting pairs on the device, and adds the results to their tallies.
     fn launch(&mut self, waiting: &mut [Waiting]) -> Result<(), BackendError> {
         let Self { method, tracer, segments, bits } = self;
         let steps = (LAUNCH / BATCH / waiting.len()).max(1);
@@ -180,7 +180,7 @@ impl Waiting {
         }
     }
 
-    /// Adds the device's answers to the pair's tallies; the answers for this pair start at bit `start`.
+    /// Adds the device's results to the pair's tallies; the results for this pair start at bit `start`.
     fn add(&mut self, bits: &[u32], start: usize, batch: &mut Batch) {
         let mut place = start;
         for Asked { step, valid, weights } in &self.asked {

@@ -124,9 +124,9 @@ const ROWS: u64 = 32;
 /// Greatest number of partner ids in a window. A window is a part of a row, the pairs of one triangle; this bounds the memory of a search.
 const WINDOW: u64 = 1 << 16;
 
-/// Pairs of triangles that face each other, of which one may receive at least the share `least` of what leaves the other. The bound is
-/// `F <= A / (π d²)`: `A` is the larger area and `d` the distance of their boxes (Hanrahan, Salzman and Aupperle, "A Rapid Hierarchical
-/// Radiosity Algorithm", 1991). `a < b`, in ascending order.
+/// Pairs of triangles that face each other, of which one may receive at least the share `least` of what leaves the other. The bound is `F
+/// <= A / (π d²)`: `A` is the larger area and `d` the distance of their boxes (Hanrahan, Salzman and Aupperle, "A Rapid Hierarchical
+/// Radiosity Algorithm", 1991). Pairs have `a < b` and come in ascending order.
 #[derive(Debug)]
 pub struct NearPairs<'a> {
     surfaces: &'a Surfaces,

@@ -10,7 +10,7 @@ use crate::sampling::owen_sobol::{laine_karras, reversed_sobol};
 /// Number of independent point sets of a pair; their spread gives the error.
 pub const REPLICATES: usize = 8;
 
-/// Last word of the input of these hashes: it separates them from the hashes of pixels, paths and dimensions.
+/// Last word of the input of the hashes here: it separates them from the hashes of pixels, paths and dimensions.
 const PAIR: u32 = 3;
 
 /// The unscrambled points of one replicate, by dimension.
@@ -101,7 +101,7 @@ fn sobol(index: u32) -> [u32; 4] {
     [x, y, z, w]
 }
 
-/// The radical inverse in 32 bits: the digits of `index` in that base, mirrored behind the point.
+/// The radical inverse of `index` in units of 2⁻³²: its digits in base `base`, mirrored at the radix point.
 fn inverse(mut index: u32, base: u32) -> u32 {
     let (mut value, mut place) = (0.0, 1.0 / f64::from(base));
     while index > 0 {

@@ -175,10 +175,11 @@ impl Sampling {
         }
     }
 
-    /// Segments from uniform points of the first triangle, in directions uniform in the solid angle of the visible part of the second.
+    /// Segments from uniform points of the first triangle, in directions uniform in the solid angle of the part of the second triangle that
+    /// is in front of the first.
     fn towards(&self, table: &Table, seed: u32, first: u32, batch: &mut Batch) {
         let ([a, b], points) = (&self.pair.sides, self.points());
-        // The changed key and seed give points independent of the visibility's. The first point is the origin, the second selects a
+        // The changed key and seed give points independent of those for the visibility. The first point is the origin, the second selects a
         // direction.
         batch.fill(table, &self.pair, ([self.key[1], self.key[0]], seed ^ 1 << 31), first, points);
         for lane in 0..BATCH {

@@ -73,7 +73,8 @@ impl Polygon {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Side {
     pub(super) id: u32,
-    /// Corners of the triangle after the offset from its surface; segments start or end at its points.
+    /// Corners of the triangle, moved inward and off its surface ([`Surface::start`](super::surfaces::Surface::start)). Segments run
+    /// between points of these moved triangles.
     pub(super) start: [DVec3; 3],
     /// Unit normal of the front.
     pub(super) normal: DVec3,
@@ -164,7 +165,7 @@ pub(super) struct Shaft {
 
 impl Shaft {
     /// Each face of the hull, other than the polygons themselves, holds an edge of one polygon and a corner of the other, and each edge
-    /// bounds one such face. The face is found by turning a plane about the edge until all of the other polygon is inside.
+    /// bounds one such face. The face is found by rotating a plane about the edge until all of the other polygon is inside.
     pub(super) fn new(pair: &Pair) -> Self {
         let [a, b] = &pair.sides;
         let mut corners = [DVec3::ZERO; 8];
@@ -438,8 +439,8 @@ impl Rough {
         bits(&out)
     }
 
-    /// Two masks: the triangles that may have points inside the shaft, and those of them that do not certainly have one. A triangle
-    /// certainly has one if a corner lies inside all faces by more than the rounding error.
+    /// Two masks: the triangles that may have points inside the shaft, and those of them that certainly have one. A triangle certainly has
+    /// one if a corner lies inside all faces by more than the rounding error.
     #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
     #[inline(always)]
     fn meets(&self, leaf: &Leaf) -> [u32; 2] {

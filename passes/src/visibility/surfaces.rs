@@ -11,8 +11,9 @@ use std::collections::HashMap;
 /// A triangle, prepared for pairs. Positions are relative to [`Surfaces::shift`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surface {
-    /// Corners of the triangle between whose points segments run: moved inward from the borders and off the front by their error bounds.
-    /// The bounds are convex over the triangle, so every point between these corners is at least as far off as its own bound requires.
+    /// Corners of the moved triangle, whose points are the ends of segments: the triangle's corners, moved inward from the borders and off
+    /// the front by their error bounds. The bounds are convex over the triangle, so every point between these corners is at least as far
+    /// off as its own bound requires.
     pub(super) start: [Vec3; 3],
     /// Hash that chooses the triangle's sample points.
     pub(super) key: [u32; 2],

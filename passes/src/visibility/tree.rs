@@ -1,6 +1,6 @@
 //! A tree of boxes over the triangles that block, searched with shafts and with distances.
 //!
-//! [`Bvh`](crate::trace::Bvh) answers rays; here the triangles themselves are needed, and areas by node.
+//! [`Bvh`](crate::trace::Bvh) only traces rays; pairs need the triangles inside a volume, and the largest area in each subtree.
 
 use crate::trace::Bounds;
 use curitiba_pipeline::scene::Geometry;

@@ -102,7 +102,7 @@ impl Images {
         Ok(textures)
     }
 
-    /// Makes the other picture of a filter the output, because the last level wrote to it.
+    /// Makes the filter's picture the output, because the last level wrote to that picture.
     pub fn swap_filtered(&mut self) {
         std::mem::swap(&mut self.output, &mut self.filter[1]);
     }

@@ -19,7 +19,7 @@ pub const SHADE_VERTEX_COLORS: u32 = 8;
 pub const SHADE_GLOW: u32 = 16;
 /// A normal map bends the material's shading normals.
 pub const SHADE_NORMAL_MAP: u32 = 32;
-/// The material is a sky, which shows as it is.
+/// The material is a sky, whose colour `final` leaves without lighting and occlusion.
 pub const SHADE_SKY: u32 = 64;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 12;
@@ -33,8 +33,8 @@ pub const WRAP_MIRROR: u32 = 1;
 pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material for rays in glass.
 pub const BODY_WORDS: u32 = 23;
-/// Words before these materials: the settings of a pass for paths in glass. The first word says how light passes glass: 0 dimmed as in the
-/// report, 1 straight, else the place of the spheres that focus it ([`LENS_HEAD`]). The words named by [`HEAD`] follow.
+/// Words before the materials for rays in glass: the settings of a pass for paths in glass. The first word says how light passes glass: 0 dimmed as
+/// in the report, 1 straight, else the place of the spheres that focus light ([`LENS_HEAD`]). The words named by [`HEAD`] follow.
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
 /// The programs' names for the places of the words of [`BODY_HEAD`], from the second word on.
 pub const HEAD: [&str; 10] = [
@@ -72,11 +72,11 @@ pub const LIGHT_WORDS: u32 = 17;
 pub const LIGHT_PLACE: u32 = 1;
 /// The light is a spot light.
 pub const LIGHT_CONE: u32 = 2;
-/// Greatest number that stands for the range of a light; programs have no infinities.
+/// Greatest range of a light. It replaces an infinite range, because programs have no infinities.
 pub const LARGEST_RANGE: f32 = 1.0e30;
 /// Greatest number of crossings of bodies that are stored for a line.
 const MAX_LINE: u32 = 64;
-/// Stands for "no child" and "no tree".
+/// Index that means "no child" or "no tree".
 pub const NONE: u32 = u32::MAX;
 /// Side of the square tiles of pixels that a workgroup computes.
 pub const TILE: u32 = 8;
@@ -100,7 +100,7 @@ pub const POINT_BYTES: u64 = 96;
 pub const START_BYTES: u64 = 32;
 
 /// Smallest direction component for box tests. Products of its reciprocal with coordinates do not overflow, and the slope is too small to
-/// matter: a ray along an axis is treated as one that leaves it by this share, which changes no coordinate within the scene.
+/// matter: a smaller component is treated as this number, which changes no coordinate of the ray within the scene.
 const LEAST_DIRECTION: f32 = 1.0e-18;
 /// Largest coordinate of a scene, so that products with reciprocals of directions stay finite.
 pub const LARGEST_COORDINATE: f32 = 1.0e15;

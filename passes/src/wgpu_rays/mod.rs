@@ -110,7 +110,7 @@ impl WgpuRays {
         Self::on(&SharedDevice::open(choice).map_err(of_rays)?)
     }
 
-    /// A backend on a device that others use, too.
+    /// A backend on a device that a rasteriser and other backends may use, too.
     ///
     /// # Errors
     /// If the device lacks something; the message says what, and what to do.
@@ -154,7 +154,7 @@ impl WgpuRays {
         })
     }
 
-    /// Changes how products are rounded: for tests that no ray leaks whatever a driver does.
+    /// Changes how products are rounded: for tests that no ray passes between adjacent triangles, however a driver rounds.
     pub fn set_rounding(&mut self, rounding: Rounding) {
         self.arithmetic.rounding = rounding;
     }
@@ -295,7 +295,8 @@ impl WgpuRays {
         })
     }
 
-    /// Copies the mip levels of the scene's textures to the device for the first job that asks for them. Returns whether they are on the device.
+    /// Copies the mip levels of the scene's textures to the device, for the first job that reads textures by ray cones. Returns whether the
+    /// levels are on the device.
     fn require_levels(&mut self, job: &RayJob<'_>) -> Result<bool, BackendError> {
         let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| std::ptr::eq(&raw const **scene, job.scene))
         else {
@@ -398,7 +399,7 @@ impl WgpuRays {
     }
 }
 
-/// Levels of the filter that a job asks for, 0 where nothing is filtered; and the exponent of the filter's result.
+/// Number of filter levels of a job, 0 where nothing is filtered; and the exponent that is applied to the filtered values.
 fn filter(job: &RayJob<'_>) -> (u32, f32) {
     let info = job.program.info();
     match job.fidelity {

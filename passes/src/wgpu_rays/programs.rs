@@ -51,7 +51,7 @@ impl Kind {
         Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres, focuses }
     }
 
-    /// The kind for one kernel: only kernels that compute light depend on whether spheres focus it.
+    /// The kind for one kernel: only kernels that compute light depend on whether spheres focus light.
     pub fn at(self, stage: Stage) -> Self {
         let asks = matches!(stage, Stage::Whole | Stage::List | Stage::Focus | Stage::Sum);
         Self { focuses: self.focuses && asks, ..self }
@@ -71,7 +71,7 @@ pub enum Stage {
     Light,
     /// Finds the light that exact spheres focus on the points.
     Focus,
-    /// Settles the points' occlusion rays by the triangles near them.
+    /// Settles the points' occlusion rays: finds their results from the triangles near each point alone, as far as these suffice.
     Settle,
     /// Traces the occlusion rays that are not settled.
     Trace,
@@ -86,8 +86,9 @@ pub enum Stage {
 /// Least number of occlusion rays a point for which [`Stage::Settle`] runs; fewer are traced directly.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in order of execution, without [`Stage::Eye`]: it runs first where the camera may be in a body. [`Stage::List`]
-/// also computes the points' light: with several lights or a disc, all of it; where spheres focus light, only the light that comes straight.
+/// The kernels of a program, in order of execution, without [`Stage::Eye`]: it runs first where the camera may be in a body. In two
+/// cases [`Stage::List`] also computes the points' light: with several lights or a disc, all of it; where spheres focus light, only the light that no
+/// sphere focuses.
 pub fn stages(Kind { program, variant, lighting, focuses, .. }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
@@ -114,7 +115,7 @@ pub fn stages(Kind { program, variant, lighting, focuses, .. }: Kind, samples: u
     }
 }
 
-/// The text of a file in `programs/`.
+/// The WGSL source of a file in `programs/`.
 type Text = &'static str;
 
 macro_rules! text {
@@ -149,18 +150,18 @@ const FINAL: &[Text] = &[
     text!("final"),
 ];
 
-/// Weights of light on a path; programs with bodies use another text.
+/// Weights of light on a path; programs with bodies use other sources.
 const WEIGHTS: Text = text!("panes");
-/// Paths through glass; programs with bodies use another text.
+/// Paths through glass; programs with bodies use other sources.
 const GLASS: Text = text!("glass");
-/// Light that arrives through glass; programs with bodies use another text.
+/// Light that arrives through glass; programs with bodies use other sources.
 const LIGHT: Text = text!("light");
 
-/// The share of the light that reaches a surface; programs with several lights or a disc use another text.
+/// The share of the light that reaches a surface; programs with several lights or a disc use other sources.
 const LIGHT_SHARE: Text = text!("light_share");
-/// How points are listed with their light; programs with several lights or a disc use another text.
+/// How points are listed with their light; programs with several lights, a disc or focused light use other sources.
 const LISTED_LIGHT: Text = text!("list_light");
-/// `deferredShadows`; with several lights or a disc it is another text.
+/// `deferredShadows`; programs with several lights or a disc use other sources.
 const SHADOWS: Text = text!("deferredShadows");
 
 /// The share of several lights, and of discs, that shadows leave.
@@ -171,14 +172,14 @@ const STRAIGHT: [Text; 2] = [text!("light_straight"), text!("light_from")];
 const STRAIGHT_OR_FOCUSED: [Text; 2] = [text!("light_straight"), text!("light_focused")];
 /// Light that spheres focus on a surface.
 const FOCUS: [Text; 2] = [text!("ball"), text!("focus")];
-/// The texts of [`LIGHTS_SHARE`] that [`FOCUS`] needs.
+/// The sources of [`LIGHTS_SHARE`] that [`FOCUS`] needs.
 const FOR_FOCUS: [Text; 2] = [text!("light_cosine"), text!("cut_loops")];
 
-/// The texts that all programs share, except for those that depend on the rounding of products or on the lights.
+/// The sources that all programs share, except for those that depend on the rounding of products or on the lights.
 const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
-/// The texts of a kernel, which follow the common ones; `None` if the program is not written for this backend.
+/// The sources of a kernel, which follow the common sources; `None` if the program is not written for this backend.
 fn texts(Kind { program, variant, lighting, focuses, .. }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let mut texts = of_panes(program, stage, subgroups)?;
     if focuses {
@@ -218,7 +219,7 @@ fn texts(Kind { program, variant, lighting, focuses, .. }: Kind, stage: Stage, s
     Some(texts.into_iter().flat_map(instead).collect())
 }
 
-/// The texts of a kernel in the variants with panes.
+/// The sources of a kernel in the variants with panes; `None` if the program is not written for this backend.
 fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let (_, whole) = TABLE.iter().find(|(own, _)| *own == program)?;
     let is_final = program == RayProgram::Final;
@@ -349,13 +350,13 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
     Some(of_levels(&of_focus(&of_spheres(&source, kind.spheres), kind.focuses), lod))
 }
 
-/// The source of how a sphere focuses parallel light, with all texts that it needs, for tests that add their own use of the bundles.
+/// The source of how a sphere focuses parallel light, with all sources that it needs, for tests that add their own use of the bundles.
 #[cfg(test)]
 pub fn ball(arithmetic: Arithmetic) -> String {
     let variant = Variant::Bodies;
     let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses: true };
     let texts = texts(kind, Stage::Focus, false).expect("it is written");
-    // All but the kernel, and the lighting of surfaces by bundles.
+    // All sources except those of the kernel and of the lighting of surfaces by bundles.
     let texts = texts.into_iter().filter(|text| ![text!("focus"), text!("final_focus")].contains(text));
     let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass");
     let source = texts.fold(source, |source, text| source + text);

@@ -219,8 +219,8 @@ impl SceneBuffers {
         Ok(Self { buffers, split, sizes, has_levels: false, params, bytes, nodes: tree.nodes.len() as u64 })
     }
 
-    /// Copies all mip levels of the scene's textures in the place of level 0, unless they are there. After an error the buffers cannot
-    /// be used.
+    /// Copies all mip levels of the scene's textures to the device, in place of level 0 alone, unless they are there. After an error the
+    /// buffers cannot be used.
     pub fn require_levels(&mut self, gpu: &Gpu, scene: &RenderScene) -> Result<(), BackendError> {
         if self.has_levels {
             return Ok(());

@@ -1,4 +1,4 @@
-//! Segments between triangles: the processor makes them, the device finds which are blocked.
+//! Segments between triangles: the processor makes the segments, and the device finds which of them are blocked.
 
 use super::NAME;
 use super::kernels::compile;
@@ -31,7 +31,8 @@ pub struct WgpuSegments {
     pipeline: wgpu::ComputePipeline,
     parameters: wgpu::Buffer,
     part: wgpu::Buffer,
-    /// Buffers for segments, their pairs, the answers, and the answers as the host reads them; `None` before the first call.
+    /// Buffers for segments, the ids of each pair of triangles, the results (one bit a segment), and the copy of the results that the host reads;
+    /// `None` before the first call.
     room: Option<[wgpu::Buffer; 4]>,
     /// Number of workgroups of the next launch.
     groups: u32,
@@ -72,7 +73,7 @@ impl WgpuSegments {
         })
     }
 
-    /// Buffers of at least these sizes in bytes, for segments, pairs and answers.
+    /// Buffers of at least these sizes in bytes, for segments, pairs of triangles and results.
     fn room(&mut self, bytes: [u64; 3]) -> Result<[wgpu::Buffer; 4], BackendError> {
         let fits = |room: &[wgpu::Buffer; 4]| room.iter().zip(bytes).all(|(buffer, bytes)| buffer.size() >= bytes);
         if let Some(room) = self.room.as_ref().filter(|room| fits(room)) {
@@ -164,7 +165,7 @@ impl SegmentTracer for WgpuSegments {
         bits.clear();
         bits.resize(segments.all.len().div_ceil(32), 0);
         let most = self.gpu.limits.max_storage_buffer_binding_size.min(self.gpu.max_buffer_bytes);
-        // Whole words of answers, and few enough segments to be counted in 32 bits.
+        // Whole words of results, and few enough segments to be counted in 32 bits.
         let most = (most / size_of::<Segment>() as u64).clamp(1, 1 << 24) as usize / 64 * 64;
         for (all, bits) in segments.all.chunks(most).zip(bits.chunks_mut(most / 32)) {
             self.trace(all, &segments.own, bits).map_err(of_rays)?;

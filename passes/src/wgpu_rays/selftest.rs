@@ -1,4 +1,4 @@
-//! Tests how a driver computes `fma`, when a backend is made, and whether it runs long loops, when the glass of a pass needs them.
+//! Tests how a driver computes `fma`, when a backend is made, and whether the driver runs long loops, when the glass of a pass needs them.
 
 use super::programs::{Arithmetic, Rounding};
 use crate::raster::gpu::device::Gpu;
@@ -54,7 +54,7 @@ fn cases() -> (Vec<[f32; 2]>, Vec<f32>) {
     (given, rests)
 }
 
-/// Finds how programs must be written for a device.
+/// Finds how the arithmetic of programs must be written for a device.
 pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
     let (given, expected) = cases();
     let rests = answer(gpu, "trying how products are rounded", PRODUCTS, &given, (CASES / 64) as u32, CASES)?;
@@ -67,12 +67,13 @@ pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
 
 /// Whether the driver leaves a loop that has not ended. llvmpipe does so after 65,535 steps of all loops of a program (Mesa 22.3).
 pub fn cuts_loops(gpu: &Gpu) -> Result<bool, BackendError> {
-    // The state is compared with 0, which it does not reach within the first 2^17 steps.
+    // The program compares the state with 0, which the state does not reach within the first 2^17 steps.
     let taken = answer(gpu, "trying how long loops may be", LOOPS, &[STEPS, 1], 1, 2)?;
     Ok(taken[0] < STEPS)
 }
 
-/// Runs the program `text` on `given` as its first buffer, and returns the first `words` words that it writes to its second.
+/// Runs the program with the WGSL source `text` in `groups` workgroups. The program reads `given` from binding 0, and writes `words` words to
+/// binding 1, which are returned.
 fn answer<T: bytemuck::NoUninit>(
     gpu: &Gpu,
     doing: &'static str,

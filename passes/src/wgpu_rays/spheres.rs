@@ -1,6 +1,6 @@
 //! Exact spheres as programs read them: behind the nodes and the triangles of the tree over the triangles.
 //!
-//! Their tree has the nodes of the processor's tree, in the layout of `trace/build/gpu_binary.rs`. Up to four spheres are one leaf.
+//! The spheres' tree has the nodes of the processor's tree, in the layout of `trace/build/gpu_binary.rs`. Up to four spheres are one leaf.
 
 use crate::trace::gpu_binary::{BinaryNode, BinaryTree, COUNT_SHIFT, LEAF, TRANSPARENT};
 use crate::trace::{SphereContent, SphereTree};
@@ -11,7 +11,7 @@ use glam::Vec3;
 /// What programs need of the spheres besides the nodes, which lie behind those of the triangles.
 #[derive(Debug)]
 pub struct DeviceSpheres {
-    /// The root of their tree; `None` where there are no spheres or nothing can hit them.
+    /// The root of the spheres' tree; `None` if there are no spheres, or if no ray can hit them.
     pub root: Option<u32>,
     /// Two vectors a sphere (`programs/spheres.wgsl`).
     pub list: Vec<[[u32; 4]; 2]>,

@@ -17,7 +17,8 @@ const ARRAYS: [(&str, &str, &str); 5] = [
 pub struct Split {
     /// By array; at least 1.
     pub bindings: [u32; 5],
-    /// Size in bytes of each binding except the last, a power of two, if any array has several bindings; else 0.
+    /// Size in bytes of each binding of an array with several bindings, except the array's last one: a power of two. 0 if no array has several
+    /// bindings.
     pub bytes: u64,
 }
 

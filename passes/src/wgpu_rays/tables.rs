@@ -18,7 +18,7 @@ use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Reflectance
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 
-/// The words of group 2, and the parameters that say where its parts begin.
+/// The words of group 2, and the parameters with the places at which its parts begin.
 #[derive(Debug)]
 pub struct Tables {
     pub words: Vec<u32>,
@@ -26,8 +26,8 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The tables of a job whose spheres focus light as `lenses` says. `has_levels` says whether the textures lie in memory with all of their
-    /// mip levels.
+    /// The tables of a job. `lenses` holds the job's spheres that focus light. `has_levels` is whether the textures are on the device with all
+    /// of their mip levels.
     ///
     /// # Errors
     /// If the number of samples is not valid; the message says why.
@@ -245,7 +245,7 @@ fn body(job: &RayJob<'_>, dielectric: &Dielectric) -> [u32; BODY_WORDS as usize]
     };
     let [absorbs_red, absorbs_green, absorbs_blue] = dielectric.extinction.to_array().map(f32::to_bits);
     let [mirrors_red, mirrors_green, mirrors_blue] = dielectric.mirrors().to_array().map(f32::to_bits);
-    // No curve has an exponent below 0.
+    // An exponent below 0 means that there is no curve; the exponent of a curve is at least 0.
     let none = Reflectance { minimum: 0.0, maximum: 0.0, exponent: -1.0 };
     let Reflectance { minimum, maximum, exponent } = dielectric.reflectance.unwrap_or(none);
     let [passes_red, passes_green, passes_blue] = dielectric.filter.to_array().map(f32::to_bits);

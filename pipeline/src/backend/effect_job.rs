@@ -66,25 +66,26 @@ pub struct EffectStats {
     pub triangles: u64,
     /// Bytes of the maps.
     pub bytes: u64,
-    /// Number of glass pixels, and how many of them no mirror covers: those keep their colour. `[0, 0]` for programs without
+    /// Number of glass pixels, and number of glass pixels that no mirror covers and that keep their colour. `[0, 0]` for programs without
     /// mirrors.
     pub glass_pixels: [u64; 2],
-    /// What answered the rays of glass pixels; only for programs that march rays through screen space.
+    /// Numbers of glass pixels by the source of their colours; only for programs that march rays through screen space.
     pub answers: Option<Answers>,
 }
 
-/// Number of glass pixels, by what answered their rays. With [`Missing::Rays`](crate::raster_effects::Missing) the rasteriser marks
-/// the pixels counted in [`Answers::rays`] with an alpha of [`Answers::LEFT`], and the executor traces them. Other pixels have
-/// alpha 1. [`Border::Rays`](crate::raster_effects::Border) marks the pixels of a shadow's border in the same way.
+/// Numbers of glass pixels, by the source of the colours that their reflected and refracted rays see. With
+/// [`Missing::Rays`](crate::raster_effects::Missing) the rasteriser marks the pixels counted in [`Answers::rays`] with an alpha of
+/// [`Answers::LEFT`], and the executor traces these pixels. Other pixels have alpha 1. With [`Border::Rays`](crate::raster_effects::Border)
+/// the pixels of a shadow's border are marked in the same way.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Answers {
     /// Pixels whose rays all hit something in screen space.
     pub screen: u64,
-    /// Pixels with at least one ray answered by a cube map.
+    /// Pixels with at least one ray whose colour is read from a cube map.
     pub cube: u64,
     /// Pixels left to the counterpart program on the ray backend.
     pub rays: u64,
-    /// Pixels with at least one ray that nothing answered; such a ray shows the glass's own colour.
+    /// Pixels with at least one ray that hits nothing in screen space and has no other source; the ray has the glass's own colour.
     pub kept: u64,
 }
 
@@ -98,8 +99,8 @@ impl Answers {
         self.screen + self.cube + self.rays + self.kept
     }
 
-    /// Counts of `glass` pixels, of which `screen` were answered in screen space and `kept` show some of their own colour.
-    /// `missing` says what answers the rest.
+    /// Counts of `glass` pixels. The rays of `screen` pixels hit in screen space, and `kept` pixels show some of their own colour.
+    /// `missing` says from where the other pixels get their colours.
     #[must_use]
     pub fn new([glass, screen, kept]: [u64; 3], missing: Missing) -> Self {
         let left = glass.saturating_sub(screen + kept);

@@ -13,7 +13,7 @@ pub struct Light {
     pub place: Option<Vec3>,
     /// Unit direction in which a directional light travels, or the axis of a spot light; 0 for a point light.
     pub direction: Vec3,
-    /// Linear colour, where the attenuation is 1.
+    /// Linear colour of the arriving light where the attenuation is 1.
     pub color: Vec3,
     /// Attenuation of a light with a position: its light is divided by `constant + linear d + quadratic d²` at a distance `d`.
     pub attenuation: [f32; 3],
@@ -44,7 +44,8 @@ pub struct Arriving {
 }
 
 impl Light {
-    /// The light that arrives at a point without an occluder. None arrives at the light's own position, where it has no direction.
+    /// The light that arrives at a point without an occluder. No light arrives at the light's own position, where the direction is
+    /// undefined, or at a distance whose square is not finite.
     #[inline(always)]
     #[must_use]
     pub fn at(&self, point: Vec3) -> Arriving {
@@ -66,7 +67,9 @@ impl Light {
 }
 
 impl Cone {
-    /// The share of the light in a direction, given by the cosine of its angle to the axis.
+    /// The share of the light in a direction, 0 to 1, given by the cosine of the direction's angle to the axis. It is 1 from
+    /// [`Self::inner`] up, 0 below [`Self::outer`], and the square of a linear ramp between them, times the cosine raised to
+    /// [`Self::exponent`].
     #[inline(always)]
     #[must_use]
     pub fn at(self, cosine: f32) -> f32 {

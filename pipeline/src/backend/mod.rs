@@ -1,8 +1,9 @@
 //! The interface between the executor and its engines: rasterisers ([`Rasteriser`]) and ray tracers ([`RayBackend`]).
 //!
 //! Each trait has a file. The other files hold the arguments and results: jobs (`*_job`, `own_shaders`) with their cameras, lights and
-//! materials (`view`, `light`, `shade`), statistics (`ray_stats`, or beside the job), devices and errors. Engines implement the traits
-//! and the executor calls them. This module may use scenes, images, G-buffers and tables of programs, but no projects, plans or engines.
+//! materials (`view`, `light`, `shade`), statistics (`ray_stats`, or in the file of the job), devices and errors. Engines implement the
+//! traits, and the executor calls them. This module may use scenes, images, G-buffers and tables of programs, but no projects, plans or
+//! engines.
 
 mod device;
 mod effect_job;

@@ -16,7 +16,7 @@ pub struct OwnMaterial {
     /// For each storage buffer of the program, the index of the buffer or image bound to it, into the buffers of
     /// [`Rasteriser::draw_with`](super::Rasteriser::draw_with); `None` for an image that holds nothing.
     pub storage: Vec<Option<usize>>,
-    /// How its triangles are drawn.
+    /// How the material's triangles are drawn.
     pub drawn: Drawn,
 }
 

@@ -14,7 +14,7 @@ use std::time::Duration;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct LoadStore {
     /// Starts from the attachments that the target holds in host memory, instead of clearing them. Pixels in which nothing is drawn keep
-    /// them.
+    /// the loaded values.
     pub load_color: bool,
     /// Starts from [`GBuffer::depth`](crate::gbuffer::GBuffer::depth) instead of the far plane. The depth that own shaders write to an attachment
     /// ([`OwnShaders::depth`](super::OwnShaders::depth)) is loaded with it.
@@ -36,7 +36,7 @@ pub struct RasterJob<'a> {
     /// The light. Without a light the cosine that shading multiplies with is 0.
     pub sun: Option<Sun>,
     /// The lights that replace [`Self::sun`] if the pass has several lights or a light with a position; otherwise empty. With them the
-    /// light cosine written is the greatest among the lights that arrive.
+    /// light cosine written is the greatest among the lights whose [`Arriving::factor`](super::Arriving::factor) is above 0.
     pub lights: &'a [Light],
     /// Colours of the materials, by material index.
     pub shades: &'a [Shade],

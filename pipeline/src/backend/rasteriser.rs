@@ -143,15 +143,16 @@ pub trait Rasteriser {
     fn fills_quads(&self) -> QuadPlace {
         QuadPlace::Host
     }
-    /// Runs a raster effect and keeps its picture on the device under the given number, for [`Rasteriser::fill_on_device`].
+    /// Runs a raster effect and keeps its picture on the device, for [`Rasteriser::fill_on_device`]. The number identifies the picture
+    /// ([`OnDevice::Made`](crate::device_quad::OnDevice::Made)).
     ///
     /// # Errors
     /// As [`Rasteriser::effect`], or if the rasteriser keeps no pictures on a device.
     fn effect_in_place(&mut self, _: &EffectJob<'_>, _: usize, _: &Progress) -> Result<EffectStats, BackendError> {
         Err(not_in_place(self.name()))
     }
-    /// Fills a quad from pictures on the device (drawn, computed or traced), waits, and copies it into host memory in the form
-    /// asked for.
+    /// Fills a quad from pictures on the device (drawn, computed or traced), waits, and copies the quad's pixels into host memory in the
+    /// form of the last argument.
     ///
     /// # Errors
     /// If the device fails, or a picture that the quad reads is missing.

@@ -58,7 +58,7 @@ pub trait RayBackend {
     fn traces_spheres(&self) -> bool {
         false
     }
-    /// Whether the rays of its mirrors and glass hit a sky ([`Geometry::sky`](crate::scene::Geometry::sky)), in corrected fidelity. A sky
+    /// Whether reflected and refracted rays hit a sky ([`Geometry::sky`](crate::scene::Geometry::sky)), in corrected fidelity. A sky
     /// occludes neither shadow rays nor occlusion rays.
     fn sees_skies(&self) -> bool {
         false
@@ -148,7 +148,7 @@ pub trait RayBackend {
     /// integer, and the barycentric coordinates of corners 1 and 2, or [`NO_HIT`](super::NO_HIT). Advances `progress` meanwhile.
     ///
     /// # Errors
-    /// If [`RayBackend::supports_intersections`] says so, or the structure was not built.
+    /// If [`RayBackend::supports_intersections`] fails, or the structure was not built.
     fn intersect(
         &mut self,
         _: &IntersectionJob<'_>,
@@ -157,8 +157,9 @@ pub trait RayBackend {
     ) -> Result<RayStats, BackendError> {
         self.supports_intersections().map(|()| RayStats::default())
     }
-    /// Runs one pass and keeps its picture on the rasteriser's device: under the given number if [`RayBackend::reads`] accepted the
-    /// rasteriser's handle; else in the shared memory of the job's G-buffer, which has room for it.
+    /// Runs one pass and keeps its picture on the rasteriser's device. If [`RayBackend::reads`] accepted the rasteriser's handle, the
+    /// number identifies the picture ([`OnDevice::Made`](crate::device_quad::OnDevice::Made)). Otherwise the picture is in the shared
+    /// memory of the job's G-buffer, which has room for it.
     ///
     /// # Errors
     /// As [`RayBackend::run`], or if there is neither a handle nor such memory.

@@ -31,7 +31,7 @@ pub struct RayJob<'a> {
     pub program: RayProgram,
     /// Constants of the program.
     pub params: RayParams,
-    /// Corrected, or as the thesis has it.
+    /// Corrected programs, or those of the report.
     pub fidelity: Fidelity,
     /// Seed of the random numbers.
     pub seed: u32,
@@ -97,7 +97,7 @@ pub struct IntersectionJob<'a> {
     /// By ray: the origin in the world with the least distance, and the direction with the greatest distance. Distances are multiples of
     /// the direction's length, which is not 0. A ray with a number that is not finite (except for the greatest distance) hits nothing.
     pub rays: &'a [[[f32; 4]; 2]],
-    /// Which of a ray's hits is asked for.
+    /// Which hit of a ray is returned.
     pub query: Query,
 }
 

@@ -99,14 +99,14 @@ pub struct PathsSpent {
     /// The error reached: the root mean square over [`Self::pixels`] and their red, green and blue, estimated from two independent halves
     /// of the paths.
     pub error: f64,
-    /// Whether the error is at most [`Self::asked`], with a probability of 95 %. If not, pixels reached the greatest number of paths
-    /// first.
+    /// Whether the error is at most [`Self::asked`], with a probability of 95 %. If not, some pixels reached the greatest number of paths
+    /// that the pass allows before the error was met.
     pub met: bool,
     /// Pixels whose glass is stochastic.
     pub pixels: u64,
-    /// Paths of all of these pixels.
+    /// Number of paths of all [`Self::pixels`] together.
     pub paths: u64,
-    /// Greatest number of paths of such a pixel.
+    /// Greatest number of paths of a pixel whose glass is stochastic.
     pub most: u32,
     /// Pixels that used all paths that the pass allows.
     pub exhausted: u64,

@@ -12,8 +12,9 @@ pub struct View {
     pub clip_from_world: Mat4,
     /// Camera position in world space.
     pub eye: Vec3,
-    /// Like [`Self::clip_from_world`], but for positions minus [`Self::eye`]; `None` near the origin. Rasterisers prefer this matrix:
-    /// far from the origin the other one has a large translation, and its product with a position loses digits that the difference keeps.
+    /// Like [`Self::clip_from_world`], but for positions minus [`Self::eye`]; `None` near the origin. Rasterisers prefer this matrix. Far
+    /// from the origin [`Self::clip_from_world`] has a large translation, and the product of that matrix and a position loses digits that
+    /// the difference of position and eye keeps.
     pub clip_from_eye: Option<Mat4>,
     /// Side of the square over which a texture lookup is filtered, in pixels: 1 for one sample a pixel, below 1 for several.
     pub footprint: f32,
@@ -53,9 +54,9 @@ impl View {
     }
 }
 
-/// The cone of rays through a pixel in the middle of the picture: at the distance t from the eye, in scene units, it is
-/// `width + spread * t` wide, across the ray. At an angle a from the middle the cone of a pixel is narrower than this: by the factor cos² a
-/// in the radial direction, and by cos a across that.
+/// The cone of rays through a pixel in the middle of the picture: at the distance t from the eye, in scene units, the cone has a width of
+/// `width + spread * t` perpendicular to the ray. At an angle a from the axis of a perspective camera, the cone of a pixel is narrower: by
+/// the factor cos² a in the radial direction of the picture, and by cos a perpendicular to the radial direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PixelCone {
     /// Width at the eye: 0 with perspective.
@@ -65,8 +66,8 @@ pub struct PixelCone {
 }
 
 impl PixelCone {
-    /// The cone of a view's pixels, for a viewport of this width and height in pixels. Its width is the longer side of a pixel, as in
-    /// rasterisers, times [`View::footprint`].
+    /// The cone of a view's pixels, for a viewport of this width and height in pixels. The cone is as wide as the longer side of a pixel,
+    /// as in rasterisers, times [`View::footprint`].
     #[must_use]
     pub fn of(view: &View, [width, height]: [u32; 2]) -> Self {
         let matrix = view.clip_from_eye.unwrap_or(view.clip_from_world).as_dmat4();

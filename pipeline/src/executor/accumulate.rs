@@ -249,7 +249,7 @@ impl Renderer {
         }
     }
 
-    /// Fails if an accumulated pass depends on another accumulated pass, or if a later pass overwrites its inputs.
+    /// Fails if an accumulated pass depends on another accumulated pass, or if a later pass overwrites the inputs of an accumulated pass.
     fn check_separate(
         &self,
         passes: &[AccumulatedPass],
@@ -306,7 +306,7 @@ impl Renderer {
         let info = program.info();
         let Work::Rays { params, scene_set, .. } = &mut planned.work else { unreachable!("a ray pass was chosen") };
         let scene_set = *scene_set;
-        // For rough glass, a batch follows as many paths as it takes samples, so that batches weigh alike in the mean.
+        // For rough glass, a batch follows as many paths as it takes samples, since the mean weights batches by their samples.
         let paths = samples.min(MOST_PATHS);
         let first = pass.estimate.samples() as u32;
         let of_occlusion = if info.samples(&pass.params) > 0 { samples } else { 0 };

@@ -14,18 +14,18 @@ pub(super) struct Given {
     /// The pass's work; for a raster pass without its attachments, which are in [`Self::drawn`].
     work: Work,
     shining: Shining,
-    /// The seed, for effect passes and ray passes that trace occlusion or camera rays; `None` for other passes.
+    /// The seed, for effect passes and for ray passes whose result may depend on it; `None` for other passes.
     seed: Option<u32>,
     /// Name of the ray backend that the pass asks for; `None` for the common one.
     backend: Option<String>,
     materials: PassMaterials,
     /// Inputs of own shaders, by material.
     own: Vec<Option<OwnMaterial>>,
-    /// Uniform blocks of a quad's own shader.
+    /// Uniform blocks of the own shader of a quad or compute pass.
     quad: Vec<Vec<u8>>,
     /// Formats of the target's channels, to which the result is rounded.
     formats: Vec<PixelFormat>,
-    /// Attachments that a raster pass draws, and those of them that are in host memory.
+    /// Attachments that a raster pass draws, and those of these attachments that are in host memory.
     drawn: [Attachments; 2],
     /// Whether the picture exists only on the rasteriser's device.
     stays: bool,
@@ -34,7 +34,7 @@ pub(super) struct Given {
 }
 
 impl Given {
-    /// Whether a run with these inputs produced all that a run with `now` would.
+    /// Whether a run with these inputs produced everything that a run with the inputs `now` would produce.
     fn serves(&self, now: &Self) -> bool {
         let has = |held: Attachments, wanted: Attachments| held.union(wanted) == held;
         let drawn = self.drawn.iter().zip(now.drawn).all(|(held, wanted)| has(*held, wanted));
@@ -68,7 +68,7 @@ impl Renderer {
             (*attachments, *host, *traced) = Default::default();
         }
         let random = match (&work, &pass.kind) {
-            // Glass of materials may be rough, and photons or roulette need such glass.
+            // With `glass=auto` materials may be rough, and only then are there photons and Russian roulette.
             (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
                 ray.program.info().has_noise(params) || self.plan.asks_materials(planned)
             }
@@ -130,8 +130,8 @@ impl Renderer {
     }
 }
 
-/// Extends the set of passes to run by all passes that must run with them. For a pass of the set, these are the passes that read or
-/// overwrite its outputs. They are also the passes that wrote its inputs, if the pass itself or a later one overwrites these inputs.
+/// Extends the set of passes to run by all passes that must run with them. For each pass P of the set, later passes that read or overwrite
+/// an output of P are added. If P or a later pass overwrites an input of P, earlier passes that write this input are added too.
 pub(super) fn spread(passes: &[Access], run: &mut [bool]) {
     let touches = |slots: &[_], slot: &_| slots.contains(slot);
     loop {

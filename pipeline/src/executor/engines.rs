@@ -54,7 +54,7 @@ impl fmt::Display for Fallback {
     }
 }
 
-/// ` of frame 3`, or an empty text before the first frame.
+/// ` of frame 3`, or an empty string before the first frame.
 pub(super) fn of_frame(frame: Option<u32>) -> String {
     frame.map_or(String::new(), |frame| format!(" of frame {frame}"))
 }
@@ -64,7 +64,7 @@ type MakeNamed = Box<dyn FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError
 
 /// A ray backend for some passes only, in place of the common one.
 struct OwnRays {
-    /// The name by which the passes ask for it.
+    /// The backend's name in the settings of the passes.
     asked: String,
     passes: Vec<String>,
     rays: Box<dyn RayBackend>,
@@ -93,8 +93,8 @@ impl Engines {
         Self { raster, rays, own: Vec::new(), make_named: None, spares: VecDeque::new(), fallbacks: Vec::new() }
     }
 
-    /// Allows passes to have their own ray backend ([`Plan::backend_of`]). `make` is called with its name, once for all passes that
-    /// ask for it.
+    /// Allows passes to have their own ray backend ([`Plan::backend_of`]). `make` is called with the name of a backend, once for all passes
+    /// that name it.
     #[must_use]
     pub fn with_own(self, make: impl FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError> + 'static) -> Self {
         Self { make_named: Some(Box::new(make)), ..self }
@@ -124,8 +124,8 @@ impl Engines {
         !self.own.is_empty()
     }
 
-    /// For each ray backend that the plan uses, the first pass that traces with it; only passes of scene set `set`, if one is
-    /// given.
+    /// For each ray backend that the plan uses, the name of the first pass that traces with it. If `set` is given, only passes that trace
+    /// in this scene set count.
     pub(super) fn first_traced(&self, plan: &Plan, set: Option<usize>) -> Vec<String> {
         let mut firsts: Vec<String> = Vec::new();
         for planned in &plan.passes {

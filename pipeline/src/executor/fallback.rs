@@ -13,7 +13,7 @@ impl Renderer {
         &self.engines.fallbacks
     }
 
-    /// Reports backends that could not be made, now that the plan tells which pass they were for.
+    /// Reports the ray backends that could not be made, each with the first pass of the plan that traces rays.
     pub(super) fn tell_of_fallbacks(&mut self, observer: &mut dyn Observer) {
         let mut passes = self.plan.passes.iter();
         let pass = passes.find(|planned| self.plan.traced(planned).is_some());

@@ -1,4 +1,4 @@
-//! When an accumulation ends, and how far it is.
+//! When an accumulation ends, and how much of it is done.
 
 use super::{Fallback, Observer, Output, Progress, StepKind, Triangles};
 use crate::backend::RayJob;
@@ -108,8 +108,9 @@ pub(super) struct WholeGoal<'o> {
     progress: Arc<Progress>,
     /// The current batch's shares of the goal, as in [`Batch::shares`].
     shares: [f64; 2],
-    /// Number of passes that run for a batch, and of those that have begun.
+    /// Number of passes that run for a batch.
     passes: usize,
+    /// Number of passes of the current batch that have begun.
     ran: usize,
 }
 

@@ -70,9 +70,8 @@ impl Renderer {
     }
 
     /// Renders a frame, with every pass, and returns the written part of the picture as 8-bit display codes. If the plan's
-    /// decisions say that the last quad pass runs on the rasteriser's device, only these 4 bytes a pixel are copied into host
-    /// memory. Then [`Self::holds`] is false for the channels that the quad reads, and [`Self::window_image`] knows only the
-    /// displayed codes.
+    /// decisions say that the last quad pass runs on the rasteriser's device, only these 4 bytes a pixel are copied into host memory. Then
+    /// [`Self::holds`] is false for the channels that the quad reads, and [`Self::window_image`] is decoded from the codes.
     ///
     /// # Errors
     /// As [`Self::frame`].

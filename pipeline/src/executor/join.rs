@@ -54,7 +54,7 @@ impl Renderer {
         }
     }
 
-    /// Whether one raster pass draws the whole of a target, so that its attachments are the G-buffer.
+    /// Whether exactly one raster pass draws into a target, and fills it. Then the attachments of that pass are the whole G-buffer.
     fn is_drawn_at_once(&self, target: usize) -> bool {
         let (width, height) = (self.plan.targets[target].width, self.plan.targets[target].height);
         let whole = Rect { x: 0, y: 0, width, height };
@@ -82,7 +82,7 @@ impl Renderer {
     /// The attachments of a raster pass that are copied into shared memory, or lent.
     pub(super) fn in_shared_memory(&self, target: Option<usize>, traced: Attachments) -> Attachments {
         let traced = if self.is_joined(target) { traced } else { Attachments::default() };
-        // With shared memory a quad reads attachments where they were drawn, so those need no copy.
+        // With shared memory the quad reads attachments where they were drawn, so attachments that only the quad reads are not copied.
         if self.shares_picture { traced } else { traced.union(self.read_in_place(target)) }
     }
 

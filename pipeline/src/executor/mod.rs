@@ -107,7 +107,7 @@ pub enum RenderError {
     Plan(#[from] PlanError),
 }
 
-/// A loaded scene, and its materials as passes see them.
+/// A loaded scene set, and what the plan's passes need of its materials and textures.
 struct LoadedScenes {
     scene: Arc<RenderScene>,
     /// Glass properties by material; empty if no pass asks for them.
@@ -139,15 +139,15 @@ struct Surface {
 pub struct PassMaterials {
     /// Colours and textures.
     pub shades: Vec<Shade>,
-    /// Whether a raster pass culls the back faces of a material; empty in thesis fidelity and for other passes.
+    /// Whether a raster pass culls the back faces of a material; empty in thesis fidelity, and for passes of other kinds.
     pub culled: Vec<bool>,
-    /// Whether rays of a ray pass bounce on the material.
+    /// Whether a ray or effect pass treats the material as glass: rays of a ray pass bounce on it.
     pub glass: Vec<bool>,
     /// Whether shadow rays of a ray pass go through the material.
     pub shadow_glass: Vec<bool>,
-    /// Glass properties, if the materials decide about glass.
+    /// Glass properties of the materials; empty unless the pass has `glass=auto`.
     pub dielectrics: Vec<Dielectric>,
-    /// How rays that start at the camera behave at the material.
+    /// How rays that start at the camera behave at the material; empty for passes whose rays start elsewhere.
     pub surfaces: Vec<SurfaceKind>,
     /// Materials that own shaders draw in a raster pass; empty if there are none.
     own: Vec<Option<Surface>>,
@@ -173,8 +173,9 @@ pub struct Renderer {
     window: GBuffer,
     /// Decisions and warnings from loading the scenes.
     scene_notes: SceneNotes,
-    /// Index of the scene set in the rasteriser, and of the one in the ray backends.
+    /// Index of the scene set that the rasteriser holds.
     uploaded: Option<usize>,
+    /// Index of the scene set whose acceleration structure the ray backends hold.
     built: Option<usize>,
     /// By material: whether rays may pass through it in the structure that is built.
     built_filtered: Vec<bool>,
@@ -186,8 +187,9 @@ pub struct Renderer {
     shares_picture: bool,
     /// Value of the shared memory's semaphore once the last G-buffer is complete.
     handed_over: u64,
-    /// The quad that the rasteriser's device may fill, and the number of the rasteriser's last draw for it.
+    /// The quad that the rasteriser's device may fill.
     showing: Option<ShowingQuad>,
+    /// Number of the rasteriser's last draw for that quad, as in [`HandOver::value`](crate::backend::HandOver::value).
     drawn_value: u64,
     /// What the caller takes of the current frame.
     takes: Takes,
@@ -202,9 +204,9 @@ pub struct Renderer {
     sample: u32,
     /// Number of samples a pixel of the current frame that are done.
     taken: u32,
-    /// With an adaptive number of samples a pixel: the shares of ray passes, by index of the plan.
+    /// With an adaptive number of samples a pixel: the [`Shares`] of ray passes, by index of the plan's passes.
     shares: BTreeMap<usize, Shares>,
-    /// By index of the pipeline: the inputs of each pass's last run; `None` if its picture no longer exists.
+    /// By index of the pipeline's passes: the inputs of the pass's last run; `None` if the picture of that run no longer exists.
     ran: Vec<Option<dirty::Given>>,
     /// The passes that the last frame ran, as indices into the plan's passes.
     passes_run: Vec<usize>,
@@ -301,7 +303,7 @@ impl Renderer {
         self.timeline.forget_frames();
     }
 
-    /// Warnings about contents that were left out or replaced while loading.
+    /// Warnings of the plan ([`Plan::warnings`]), and about contents that were left out or replaced while loading.
     #[must_use]
     pub fn warnings(&self) -> &Warnings {
         &self.warnings
@@ -415,7 +417,8 @@ impl Renderer {
         vec![true; self.plan.passes.len()]
     }
 
-    /// Runs passes for one sample of every pixel of a part of the picture. `run` says by index of the plan which passes run.
+    /// Runs passes for one sample of every pixel of a part of the picture. `run` says by index of the plan's passes which passes run. If a
+    /// pass finds that its inputs are not in host memory ([`Traced::NothingInHost`]), all passes run again from the first.
     fn draw_sample(
         &mut self,
         part: usize,
@@ -454,7 +457,8 @@ impl Renderer {
         if part == 0 {
             self.passes_run.push(index);
         }
-        // Nothing is recorded if only the last of several parts remains, or if a device displayed the window, which then has no floats.
+        // With several parts, the targets hold only the last part, so no inputs are recorded. A window that a device displayed holds no
+        // floats, so the inputs of the pass that writes it are not recorded.
         let displayed = self.displayed.is_some() && self.plan.pass(&self.plan.passes[index]).target.is_none();
         if self.plan.parts.list.len() == 1 && !displayed {
             self.ran[self.plan.passes[index].pass] = Some(self.given(index));
@@ -499,7 +503,7 @@ impl Renderer {
         if given_up || self.cancellation.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
     }
 
-    /// The progress of a step: the step advances it, and asks it whether to give up.
+    /// The progress of a step. The step advances it, and reads from it whether the frame is cancelled.
     fn progress(&self) -> Arc<Progress> {
         Arc::new(Progress::until(&self.cancellation))
     }
@@ -515,7 +519,8 @@ impl Renderer {
         self.displayed_image().unwrap_or_else(|| picture().unwrap_or_else(|error| panic!("{error}")))
     }
 
-    /// The pixels of a channel that the plan keeps for inspection or for a later pass.
+    /// The pixels of a channel that the plan keeps for inspection or for a later pass, top row first. [`Self::holds`] says whether they are
+    /// those of the last frame.
     #[must_use]
     pub fn channel(&self, channel: ChannelRef) -> &[[f32; 4]] {
         channel_of(&self.targets[channel.target], channel.channel)

@@ -26,7 +26,8 @@ pub trait Observer {
     fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
         let _ = (pass, job, picture);
     }
-    /// Whether the accumulated picture is wanted ([`Self::wrote`]) after each batch of samples.
+    /// Whether the accumulated picture is shown ([`Self::wrote`]) after each batch of samples. If not, it is shown only after the last
+    /// batch.
     fn wants_picture(&mut self) -> bool {
         false
     }

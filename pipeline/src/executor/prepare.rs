@@ -34,7 +34,7 @@ impl Renderer {
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
         }
-        // Only the loaded scenes tell which glass features the ray backends need.
+        // The glass features that the ray backends need are known only once the scenes are loaded.
         if let Some((pass, error)) = self.unsupported() {
             self.stand_in(&pass, error, observer)?;
         }
@@ -72,7 +72,7 @@ impl Renderer {
     pub(super) fn load_scenes(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         let before = std::mem::take(&mut self.warnings);
         let decided = self.plan.decisions.len();
-        // The report's programs know only the origin 0, and their noise depends on it.
+        // The report's programs have no origin other than 0, and their noise depends on the origin.
         let mut origin = (self.plan.settings.fidelity == Fidelity::Thesis).then_some(DVec3::ZERO);
         for set in self.plan.scene_sets.clone() {
             let mut scene = self.load(&set, &mut origin, observer)?;
@@ -378,7 +378,7 @@ impl Renderer {
     pub(super) fn filtered_materials(&self, set: usize) -> Vec<bool> {
         let mut filtered = vec![false; self.scenes[set].scene.materials.len()];
         for (planned, materials) in self.plan.passes.iter().zip(&self.materials) {
-            // The rays of a buffer know no materials: every surface stops them.
+            // Rays of a storage buffer ignore materials: every surface stops them.
             let asks = |traced: Traced<'_>| traced.scene_set == set && traced.program.is_some();
             if self.plan.traced(planned).is_some_and(asks) {
                 for (material, filtered) in filtered.iter_mut().enumerate() {
@@ -442,8 +442,9 @@ fn in_space(colors: &[ColorMap], space: ColorSpace) -> Vec<ColorMap> {
     colors.iter().map(made).collect()
 }
 
-/// The colours of a material in a pass. A colour map of the project changes the colours but not the shape: alpha cutoffs use the
-/// material's own opacity. `mapped` are the mapped textures with their indices.
+/// The colours of a material in a pass. A colour map that replaces colours keeps the holes of the material: the alpha cutoff uses the
+/// material's own opacity. A colour map that replaces or removes the texture removes the holes. `mapped` lists the textures that the
+/// project maps to materials, with their indices in the scene's textures.
 fn shade(material: &Material, colors: &[ColorMap], mapped: &[(TextureSource, u32)], corrected: bool) -> Shade {
     let mut shade = Shade {
         diffuse: material.diffuse,

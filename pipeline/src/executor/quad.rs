@@ -10,9 +10,9 @@ use rayon::prelude::*;
 /// Width, height and pixels of a channel.
 type Source<'a> = (u32, u32, &'a [[f32; 4]]);
 
-/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; any other source is filtered bilinearly. A
-/// factor multiplies all components by its `x` or, with `by_color`, each component by the factor's own. The work may be given up between
-/// rows.
+/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; any other source is filtered bilinearly. All
+/// components are multiplied by the `x` of the factor or, with `by_color`, each component by the same component of the factor. The work may
+/// be given up between rows.
 pub(super) fn fill<'a>(
     pixels: &mut [[f32; 4]],
     width: u32,

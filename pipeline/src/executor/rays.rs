@@ -15,11 +15,11 @@ use std::time::{Duration, Instant};
 /// ordinary frames.
 pub(super) type Batch<'a> = Option<(&'a mut Estimate, u32)>;
 
-/// Outcome of a ray pass.
+/// Outcome of a pass that may trace rays.
 pub(super) enum Traced {
     /// The pass is done.
     Done,
-    /// A fallback took over that reads host memory, where the G-buffer is not: the frame must begin again.
+    /// A fallback that reads host memory took over, and the G-buffer is not in host memory: all passes of the frame must run again.
     NothingInHost,
 }
 
@@ -188,7 +188,8 @@ impl Renderer {
 }
 
 impl Renderer {
-    /// The cone of a sample: its part of a pixel of a viewport of this size.
+    /// The ray cone of one sample of a pixel, for a viewport of this width and height in pixels. The cone covers the sample's part of the
+    /// pixel.
     pub(super) fn pixel_cone(&self, view: &View, size: [u32; 2]) -> PixelCone {
         PixelCone::of(&View { footprint: self.samples().side(), ..*view }, size)
     }
@@ -215,7 +216,7 @@ impl Renderer {
         if let Some(spent) = row.adaptive {
             row.note += &format!("; {spent}");
         }
-        // The row contains times of two backends: note which ran until when.
+        // After a fallback the row contains times of two backends: the note names the failed backend and the frame of its failure.
         for fallback in &self.engines.fallbacks {
             if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
                 row.note += &format!("; before frame {frame} on {}", fallback.failed);
@@ -226,7 +227,8 @@ impl Renderer {
         }
     }
 
-    /// Clears the held bytes in all rows of a backend: it holds memory for all its passes together, and only the last row shows the bytes.
+    /// Clears the held bytes in all rows of the ray backend that the pass `name` uses. A backend holds memory for all its passes together,
+    /// so only the row that is recorded last shows the bytes.
     fn forget_held_bytes(&mut self, name: &str) {
         let engines = &self.engines;
         let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);

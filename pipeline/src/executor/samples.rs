@@ -86,8 +86,8 @@ impl Renderer {
         Ok(self.picture(self.plan.parts.list[0].written)?)
     }
 
-    /// Runs passes for a part of the picture. `run` says by index of the plan which passes run. With several samples a pixel all of
-    /// them run or none, because only the mean is kept.
+    /// Runs passes for a part of the picture. `run` says by index of the plan's passes which passes run. With several samples a pixel
+    /// either all passes run or none, because only the mean is kept.
     pub(super) fn draw_part(
         &mut self,
         part: usize,
@@ -144,7 +144,7 @@ impl Renderer {
                 Work::Raster { view, viewport, .. } => *view = view.of_sample(*viewport, samples, sample),
                 Work::Effect { view, .. } => *view = view.of_sample(gbuffer, samples, sample),
                 Work::Rays { view, .. } if gbuffer.width > 0 => *view = view.of_sample(gbuffer, samples, sample),
-                // Rays start at the G-buffer's points or at the eye, which the sample has shifted already.
+                // These rays start at the points of the G-buffer, which was drawn with the sample's shift. All samples have the same eye.
                 Work::Rays { .. }
                 | Work::Off { .. }
                 | Work::Quad { .. }
@@ -155,8 +155,8 @@ impl Renderer {
         planned
     }
 
-    /// Constants and seed of a ray pass for the current sample. Sobol sequences continue where the sample before ended; with other
-    /// samplers, or a backend that cannot continue sequences, each sample has its own seed.
+    /// Constants and seed of a ray pass for the current sample. Sobol sequences continue where the sequence of the previous sample ended.
+    /// In thesis fidelity, with other samplers, or on a backend that cannot continue sequences, each sample has its own seed.
     pub(super) fn random_of_sample(&self, pass: &str, program: RayProgram, params: RayParams) -> (RayParams, u32) {
         let (settings, sample) = (&self.plan.settings, self.sample);
         if sample == 0 {

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Names of the channels of a colour layer. The fourth is no alpha: targets keep the light's cosine there. Viewers would use a channel
+/// Names of the channels of a colour layer. The fourth is no opacity: raster passes light it like the colours. Viewers would use a channel
 /// `A` as opacity, and show the picture darker or mixed with their background.
 const COLOR: [&str; 4] = ["R", "G", "B", "W"];
 
@@ -30,7 +30,7 @@ pub struct Written {
     pub path: PathBuf,
     /// Description of its contents.
     pub what: String,
-    /// For positions made visible: which positions the colours stand for.
+    /// For positions in false colours: the range of positions that each colour channel represents.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub legend: Option<String>,
 }
@@ -61,9 +61,9 @@ impl Renderer {
         files
     }
 
-    /// Writes the window to `path` (`.png` or `.exr`), and every shown channel beside it, as `.exr` with named channels and as
-    /// `.png` in false colours: the files of [`Self::outputs`]. [`check_outputs`](crate::files::check_outputs) checks before
-    /// rendering whether they can be written.
+    /// Writes the window to `path` (`.png` or `.exr`). Beside it, writes every shown channel of a target as `.exr` and as `.png`: colours as they are
+    /// displayed, positions and normals in false colours. These are the files of [`Self::outputs`]; before rendering,
+    /// [`check_outputs`](crate::files::check_outputs) checks whether they can be written.
     ///
     /// # Errors
     /// If a file cannot be written, or the extension is another one. Files written before stay.
@@ -131,7 +131,7 @@ impl Renderer {
         result
     }
 
-    /// Takes the pixels of a channel, or of the window, for writing: the buffer itself if all of it is written, otherwise a copy of
+    /// Takes the pixels of a channel (`None`: of the window) for writing: the buffer itself if all of it is written, otherwise a copy of
     /// the crop. Targets of another size than the window are written whole.
     fn lend(&mut self, channel: Option<ChannelRef>) -> Result<Image, Refused> {
         let (whole, written) = (self.plan.window, self.plan.parts.list[self.part].written);
@@ -237,7 +237,8 @@ impl Renderer {
         self.plan.shown.iter().map(name).collect()
     }
 
-    /// The content of a channel, which decides its false colours: raster passes write positions and normals, all others colours.
+    /// The content of a channel, which decides its false colours. Channels 1 and 2 of a target that a raster pass draws hold positions and
+    /// normals; all other channels hold colours.
     #[must_use]
     pub fn content(&self, channel: ChannelRef) -> Content {
         self.plan.content(channel)

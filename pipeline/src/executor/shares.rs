@@ -14,7 +14,7 @@ use crate::pixel_samples::PixelSamples;
 use crate::plan::PlannedPass;
 use rayon::prelude::*;
 
-/// A colour channel of at most this is dark: the share of such a colour is not defined.
+/// A colour channel of at most this is dark: the share of a dark channel is not defined.
 const DARK: f32 = 1e-4;
 
 /// Least number of pixels that a thread takes.
@@ -76,8 +76,8 @@ impl Share {
         })
     }
 
-    /// The output for another sample's colour, by the mean share. Dark colours have the mean share of the other colours, and 1 if all are
-    /// dark. A dark alpha has the share 1.
+    /// The output for the colour of another sample: the colour times the mean share, by channel. A dark colour channel has the mean share
+    /// of the other colour channels, or 1 if all three are dark. A dark alpha has the share 1.
     fn output(&self, color: [f32; 4]) -> [f32; 4] {
         let shares: [Option<f32>; 4] = std::array::from_fn(|channel| {
             (self.color[channel] > PixelSamples::FIRST as f32 * DARK)
@@ -93,7 +93,7 @@ impl Share {
 
 const _: () = assert!(size_of::<Share>() + size_of::<bool>() + size_of::<u32>() == PixelSamples::SHARE_BYTES as usize);
 
-/// The colour at an index; 1 where a pass reads none.
+/// The colour at an index; 1 in each channel if the pass reads no colour.
 fn color(colors: &[[f32; 4]], index: usize) -> [f32; 4] {
     colors.get(index).copied().unwrap_or([1.0; 4])
 }
@@ -119,8 +119,9 @@ impl Shares {
         &self.triangles
     }
 
-    /// Adds the traced output of one of the first samples; the last of these settles pixels. In a later sample it writes the output of
-    /// settled pixels. `taken` is the number of samples before this one, and a row has `width` pixels.
+    /// Adds the traced output of one of the first samples to the shares. After the last of the first samples, decides which pixels are
+    /// settled. In later samples, overwrites the output of settled pixels with [`Share::output`]. `taken` is the number of samples before
+    /// this one, and a row has `width` pixels.
     pub(super) fn take(&mut self, output: &mut [[f32; 4]], colors: &[[f32; 4]], width: u32, taken: u32) {
         if taken >= PixelSamples::FIRST {
             let pixels = output.par_iter_mut().zip(&self.pixels).zip(&self.settled).enumerate();
@@ -149,7 +150,7 @@ impl Shares {
         });
     }
 
-    /// The part of the pixels that are not settled.
+    /// Fraction of the pixels that are not settled, 0 to 1.
     fn unsettled(&self) -> f64 {
         let settled = self.settled.iter().filter(|settled| **settled).count();
         1.0 - settled as f64 / self.settled.len().max(1) as f64
@@ -157,7 +158,8 @@ impl Shares {
 }
 
 impl Renderer {
-    /// The shares of the ray pass at an index of the plan; `None` without an adaptive number of samples.
+    /// Takes the shares of the ray pass at this index of the plan out of the renderer, or makes empty ones; `None` if the number of samples is not
+    /// adaptive. [`Self::keep_shares`] puts them back.
     pub(super) fn shares_of(
         &mut self,
         index: usize,
@@ -175,7 +177,7 @@ impl Renderer {
         })
     }
 
-    /// Keeps the shares of a pass for its next sample, and notes in its row how many pixels have all samples.
+    /// Keeps the shares of a pass for its next sample, and notes the fraction of pixels with all samples in the pass's row of the timeline.
     pub(super) fn keep_shares(&mut self, index: usize, name: &str, shares: Shares) {
         let share = shares.unsettled();
         let row = self.timeline.rows.iter_mut().find(|row| row.kind == StepKind::Rays && row.name == name);

@@ -19,7 +19,7 @@ impl Renderer {
     pub(super) fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
         let take = |bound: &Option<Bound>| match bound {
             Some(bound) => self.take_bound(*bound, pass),
-            // A binding without contents gets one texel, which no shader reaches.
+            // A binding without contents gets one texel, which no shader accesses.
             None => vec![[0.0; 4]],
         };
         shader.storage.iter().map(take).collect()
@@ -34,8 +34,9 @@ impl Renderer {
         }
     }
 
-    /// The contents of a buffer or image that the pass at an index of the pipeline binds. A buffer that no pass reads or stores to has no
-    /// memory: one texel that no shader reaches takes its place.
+    /// Takes the contents of a buffer or image that the pass at an index of the pipeline binds. They are set to 0 if the binding asks for
+    /// it, or if the pass is the first of the frame that binds the buffer. A buffer that no pass reads or stores to has no memory: one
+    /// texel, which no shader accesses, is returned instead.
     pub(super) fn take_bound(&mut self, bound: Bound, pass: usize) -> Vec<[f32; 4]> {
         let mut bytes = std::mem::take(&mut self.targets[bound.target].color);
         // Textures with random numbers are filled already.

@@ -39,7 +39,7 @@ fn level(targets: &[GBuffer], channel: ChannelRef) -> MipLevel<'_> {
     MipLevel { width: read.width, height: read.height, texels: channel_of(read, channel.channel) }
 }
 
-/// The image of a file among those that are loaded.
+/// The loaded image of a file; `None` if the file is not loaded.
 fn image_of<'a>(images: &'a [(PathBuf, Texture)], path: &Path) -> Option<&'a Texture> {
     images.iter().find(|(file, _)| file == path).map(|(_, image)| image)
 }

@@ -72,14 +72,14 @@ pub struct Row {
     pub device_ms: Vec<f64>,
     /// Rays of the last run; if a frame runs the step several times, the sum of its runs.
     pub rays: Option<RayCounts>,
-    /// What answered the glass pixels of the last run; only of effects that march rays through screen space.
+    /// Numbers of the glass pixels of the last run, by the source of their colours; only of effects that march rays through screen space.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
     /// What adaptive sampling of stochastic glass spent, for the same runs as [`Self::rays`]; only of ray passes with `error`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<PathsSpent>,
-    /// Share of the pixels that took all samples in the last frame; only of ray passes, with an
-    /// [adaptive](crate::pixel_samples::PixelSamples::within) number.
+    /// Share of the pixels that took all samples in the last frame, 0 to 1; only of ray passes, with an
+    /// [adaptive](crate::pixel_samples::PixelSamples::within) number of samples a pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub all_samples: Option<f64>,
     /// Bytes of memory held by the step's result: an acceleration structure, maps, or the lists of a ray pass.
@@ -146,7 +146,8 @@ impl Timeline {
         self.record_run(kind, name, host, 1)
     }
 
-    /// Records a run of a step that scripts repeat. `run` counts from 1; the runs of a frame are summed to one measurement.
+    /// Records a run, which ends now, of a step that scripts repeat. `run` is the number of the run within the frame, from 1. The times of
+    /// all runs of a frame are summed to one measurement.
     pub fn record_run(&mut self, kind: StepKind, name: &str, host: Duration, run: u32) -> &mut Row {
         let now = Instant::now();
         let start = now.checked_sub(host).unwrap_or(now);

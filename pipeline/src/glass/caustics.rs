@@ -4,8 +4,8 @@ use super::{Dielectric, Shape};
 use crate::diagnostic::Decision;
 use crate::scene::{RenderScene, Sphere};
 
-/// Decisions for a pass with `shadow=caustic` and this number of photons: whether exact spheres of the scene focus light, and what the
-/// photons do with each material of glass meshes.
+/// Decisions for a pass with `shadow=caustic` and this number of photons: whether exact spheres of the scene focus light and, if there are
+/// photons, whether the meshes of each glass material focus light.
 #[must_use]
 pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photons: u32) -> Vec<Decision> {
     let mut decisions = vec![of_spheres(pass, &scene.geometry.spheres, dielectrics)];

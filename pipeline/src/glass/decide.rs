@@ -33,8 +33,8 @@ pub struct Decided {
 /// | has a volume, and is open | thin, with a warning |
 /// | any other | thin |
 ///
-/// Exact spheres are closed, so their material has a volume whether or not its file says so. If the material has triangles too, these
-/// must be closed.
+/// Exact spheres are closed, so a material of exact spheres has a volume whether or not its file says so. If the material has triangles
+/// too, the triangles must be closed.
 #[must_use]
 pub fn decide(scene: &mut Arc<RenderScene>, file: &Path) -> Decided {
     let mut decided = Decided::default();

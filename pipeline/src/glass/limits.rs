@@ -19,8 +19,8 @@ pub enum Roulette {
     /// No roulette: a path ends where its weight falls below the cut-off.
     #[default]
     Off,
-    /// A path survives with a probability of its weight divided by the cut-off, and its weight is divided by that probability: the
-    /// expected value is that of following all paths.
+    /// A path whose weight is below the cut-off survives with a probability of its weight divided by the cut-off, and its weight is divided
+    /// by that probability. The expected value is that of following all paths.
     On,
 }
 

@@ -1,8 +1,8 @@
 //! Glass: the options of a pass, and the optical properties of each material.
 //!
-//! The report knows one kind of glass, a plane that stands for a whole pane, and projects name the materials that are glass. With
-//! `glass=auto` the materials decide ([`decide`]): closed surfaces of materials with a volume are solid bodies, other transparent
-//! materials are thin walls, and a material that the project names but whose properties do not make it glass stays a pane.
+//! The report has one kind of glass: a single surface that represents a whole pane. Projects name the materials that are glass. With
+//! `glass=auto` the properties of the materials decide ([`decide`]): closed surfaces of materials with a volume are solid bodies, other
+//! transparent materials are thin walls. A material that the project names as glass, but whose properties do not make it glass, is a pane.
 
 mod caustics;
 mod closed;
@@ -49,7 +49,7 @@ pub enum GlassShadow {
     /// Weakened by a factor of 0.9 at each glass surface, as in the report.
     #[default]
     Report,
-    /// Not at all: glass casts full shadows, and its light is left to a pass for caustics.
+    /// Not at all: glass casts full shadows, and the light that passes through glass is left to a pass for caustics.
     Opaque,
     /// In a straight line, weakened by Fresnel transmission at each surface and by absorption inside bodies.
     Straight,
@@ -68,8 +68,8 @@ pub enum Shape {
     /// Not glass.
     #[default]
     Opaque,
-    /// The report's pane: a single surface that refracts light as if it entered a block of the pass's index, and stands for a whole
-    /// pane.
+    /// The report's pane: a single surface that represents a whole pane. Light refracts at it as if it entered a block with the pass's
+    /// index.
     Pane,
     /// A wall with parallel faces: light passes without a bend, and the reflections between the faces are summed up.
     Thin,
@@ -150,8 +150,8 @@ impl Dielectric {
     }
 
     /// Extinction per unit of a material in which light keeps `color` after `distance`: `-ln(color) / distance` (Beer and Lambert;
-    /// glTF `KHR_materials_volume`). Nothing is absorbed over an infinite distance; colours below 1e-6 count as that, so that no
-    /// product of 0 and infinity arises.
+    /// glTF `KHR_materials_volume`). The extinction is 0 if the distance is infinite or not above 0. Colours below 1e-6 count as 1e-6, so
+    /// that no product of 0 and infinity arises.
     #[must_use]
     pub fn extinction_of(color: Vec3, distance: f32) -> Vec3 {
         if !(distance > 0.0 && distance.is_finite()) {

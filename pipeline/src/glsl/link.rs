@@ -14,7 +14,7 @@ const MAX_VARYINGS: usize = 15;
 #[derive(Debug)]
 pub(super) struct Text {
     pub source: String,
-    /// Where the parts of `source` come from in the file. The text before the first part comes from no file.
+    /// Where the parts of `source` come from in the file. The part of `source` before the first origin is generated.
     pub origins: Vec<Origin>,
 }
 
@@ -34,7 +34,7 @@ pub(super) fn loose_binding(stated: &Stated, first: usize) -> usize {
     first + stated.blocks.len()
 }
 
-/// The first binding of the stage after this one, whose own bindings begin at `first`.
+/// The first binding of the next stage, after a stage whose bindings begin at `first`.
 pub(super) fn next_binding(stated: &Stated, first: usize) -> usize {
     loose_binding(stated, first) + usize::from(!loose_block(stated, 0).is_empty())
 }
@@ -150,8 +150,9 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
     Ok(Linked { vertex: vertex_text, fragment: fragment_text, attributes, samplers, outputs, flat })
 }
 
-/// The text before a stage's own text: its samplers, numbered by their places in `samplers` (those of the whole shader); the block of its uniforms
-/// outside blocks; its buffers of counters and images; and generated functions. Storage blocks are in the stage's own text.
+/// The generated source before a stage's own source: its samplers, numbered by their places in `samplers` (those of the whole shader); the
+/// block of its uniforms outside blocks; its buffers of counters and images; and generated functions. Storage blocks are in the stage's own
+/// source.
 fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     let mut text = "#version 450\n".to_owned();
     for (index, sampler) in samplers.iter().enumerate() {
@@ -180,7 +181,7 @@ fn begin(stated: &Stated, samplers: &[Sampler], binding: usize) -> String {
     text
 }
 
-/// Statements that set the Boolean uniforms from the numbers that stand for them in the uniform block.
+/// Statements that set the Boolean uniforms from the numbers that represent them in the uniform block.
 fn truths(stated: &Stated) -> String {
     let made = |uniform: &super::rewrite::Uniform| {
         let (kind, name) = (&uniform.kind, &uniform.name);

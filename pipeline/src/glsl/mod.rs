@@ -12,10 +12,10 @@
 //! The generated `main` converts clip space from OpenGL's to the rasteriser's: depth from -1 (near) to 1 (far) becomes 1 to 0. Rows count
 //! upwards for the shader, in `gl_FragCoord` and in textures, whose rows are handed over from the bottom.
 //!
-//! Storage buffers are bound as declared. The operations of atomic counters are inserted after the compiler's front end, which does not
-//! support them (`translate`). Images that shaders load and store are storage buffers with a vec4 for each texel, the top row first, since
-//! not every device can store to textures that it also loads. Compute shaders have one stage, and go through the same steps
-//! ([`ComputeSource`]).
+//! Storage blocks keep the layout that the file declares, and get bindings in group 2. The operations of atomic counters are inserted after
+//! the compiler's front end, which does not support them (`translate`). Images that shaders load and store are storage buffers with a vec4
+//! for each texel, the top row first, since not every device can store to textures that it also loads. Compute shaders have one stage, and
+//! go through the same steps ([`ComputeSource`]).
 //!
 //! Files are bounded ([`MAX_FILE`]), and so are tokens, nesting and macros; macros with parameters are refused.
 
@@ -74,9 +74,9 @@ impl fmt::Display for Stage {
 /// The two files of a shader.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
-    /// What runs for each vertex.
+    /// GLSL of the vertex shader.
     pub vertex: &'a str,
-    /// What runs for each pixel.
+    /// GLSL of the fragment shader.
     pub fragment: &'a str,
     /// Location at which the depth of pixels is written too: 0 at the near plane, 1 at the far plane. It follows the locations of the
     /// target's colours and is below [`MAX_OUTPUTS`]. Results at this location or beyond are dropped, as in OpenGL where a target has no such
@@ -87,7 +87,7 @@ pub struct Source<'a> {
 /// The file of a compute shader.
 #[derive(Debug, Clone, Copy)]
 pub struct ComputeSource<'a> {
-    /// Its text.
+    /// GLSL of the shader.
     pub text: &'a str,
 }
 
@@ -122,11 +122,11 @@ fn not_compiled(stage: Stage) -> Vec<Fault> {
 /// What is wrong with a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
-    /// Which file.
+    /// The stage whose file is faulty.
     pub stage: Stage,
-    /// First byte of the faulty text; 0, like [`Self::end`], for faults without a place in the file.
+    /// First byte of the faulty part of the file. For faults without a place in the file it is 0, as is [`Self::end`].
     pub start: usize,
-    /// One past the last byte.
+    /// One past the last byte of the faulty part.
     pub end: usize,
     /// What is wrong.
     pub message: String,
@@ -162,7 +162,7 @@ impl Attribute {
         }
     }
 
-    /// Its number in `@location`.
+    /// The attribute's number in `@location`.
     #[must_use]
     pub fn location(self) -> u32 {
         self as u32
@@ -180,7 +180,7 @@ pub enum Scalar {
     Uint,
 }
 
-/// Layout of a uniform in its block: columns of 16 bytes, or a single column of just its components.
+/// Layout of a uniform in its block. Columns start 16 bytes apart; a single column takes only the bytes of its components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
     /// Type of the components.
@@ -200,7 +200,8 @@ pub struct Member {
     pub offset: u32,
     /// Its layout; `None` for arrays and structures.
     pub shape: Option<Shape>,
-    /// Value where the project maps nothing to it, as the components of a vector; `None` if the shader gives no value.
+    /// Initial value that the shader declares, as the components of a vector; it applies where the project maps nothing to the uniform.
+    /// `None` if the shader declares none.
     pub default: Option<[f32; 4]>,
     /// Where its declaration is in the file, bytes.
     pub at: [usize; 2],
@@ -230,16 +231,16 @@ pub enum SamplerKind {
     Color,
     /// `sampler2DShadow`: it compares a depth with four texels, which are read unfiltered, and filters the four results.
     Compared,
-    /// `samplerCube`: a direction is looked up in six images.
+    /// `samplerCube`: a direction selects a texel of six images.
     Cube,
 }
 
-/// A texture of the project, sampled.
+/// A sampler that a shader declares, through which it reads a texture of the project.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sampler {
     /// Name in the shaders; `name[1]` for an element of an array.
     pub name: String,
-    /// What it does.
+    /// The kind of lookup.
     pub kind: SamplerKind,
     /// The first stage that reads it.
     pub stage: Stage,

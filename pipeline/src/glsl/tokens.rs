@@ -11,7 +11,7 @@ const MAX_TOKENS: usize = 100_000;
 const MAX_DEPTH: usize = 64;
 /// Greatest number of tokens between two semicolons or braces. It is limited because the compiler is recursive.
 const MAX_STATEMENT: usize = 2_000;
-/// Most `else` in a file. It is limited because the compiler recurses along chains of them.
+/// Greatest number of `else` in a file. It is limited because the compiler recurses along chains of `else if`.
 const MAX_ELSE: usize = 1_000;
 /// Longest line of a directive, bytes. It is limited because the preprocessor is recursive.
 const MAX_DIRECTIVE: usize = 1_000;
@@ -104,7 +104,8 @@ pub(super) fn tokens(stage: Stage, text: &str) -> Result<Vec<Token>, Fault> {
     Ok(tokens)
 }
 
-/// The text with comments replaced by blanks; every other byte stays in its place. The error is the place of a comment that does not end.
+/// The source with comments replaced by blanks; every other byte stays in its place. The error is the first byte of a comment that does not
+/// end.
 fn without_comments(text: &str) -> Result<String, usize> {
     let bytes = text.as_bytes();
     let mut bare = bytes.to_vec();

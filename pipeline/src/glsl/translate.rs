@@ -1,4 +1,4 @@
-//! Translates the rewritten text to WGSL, and finds the layout of uniform blocks.
+//! Translates the rewritten source to WGSL, and finds the layout of uniform blocks.
 
 use super::link::Text;
 use super::rewrite::{LOOSE, Stated, TRUTH, counting_name};
@@ -136,7 +136,8 @@ fn storage(module: &Module, info: &naga::valid::ModuleInfo) -> Vec<(usize, [bool
     found
 }
 
-/// Makes barriers wait for the work group and its stores, as in GLSL. The front end asks for subgroups as well, which not every device has.
+/// Makes barriers wait for the work group and its stores, as in GLSL. The front end's barriers also wait for the subgroup, which not every
+/// device supports.
 fn wait_in_group(block: &mut naga::Block) {
     for statement in block.iter_mut() {
         match statement {
@@ -186,8 +187,8 @@ fn count_atomically(module: &mut Module, stated: &Stated) {
     }
 }
 
-/// Writes the body of a counter function, whose argument is an index. The body applies `counts` to that number of the buffer `variable`, or
-/// only reads the number if `counts` is `None`.
+/// Writes the body of a counter function, whose argument is an index. The body applies `counts` to the number at that index of the buffer
+/// `variable`, or only reads the number if `counts` is `None`.
 fn count_by(
     function: &mut naga::Function,
     (variable, number): (Handle<naga::GlobalVariable>, Handle<Type>),
@@ -217,7 +218,7 @@ fn count_by(
             let before = add(Expression::AtomicResult { ty: number, comparison: false });
             let counts = Statement::Atomic { pointer, fun, value: one, result: Some(before) };
             body.push(counts, Span::UNDEFINED);
-            // A decrement returns the number after it, an increment the number before.
+            // In GLSL a decrement returns the value after the operation, and an increment the value before the operation.
             if matches!(fun, naga::AtomicFunction::Subtract) {
                 let op = naga::BinaryOperator::Subtract;
                 let after = add(Expression::Binary { op, left: before, right: one });
@@ -245,7 +246,7 @@ fn same_layout(modules: [&Module; 2], [a, b]: [Handle<Type>; 2]) -> bool {
     }
 }
 
-/// A fault at the place in the file that a part of the rewritten text comes from.
+/// A fault at the place in the file from which a part of the rewritten source comes.
 fn at(stage: Stage, text: &Text, span: Span, message: String) -> Fault {
     let (start, end) = match span.to_range() {
         Some(range) => {

@@ -9,15 +9,15 @@ pub enum Value {
     NormalMatrix,
     /// `RENDERER TEXTURE_COUNT`: number of bound textures.
     TextureCount,
-    /// `CAMERA`: a value of the camera with that index, or else of the pass's camera.
+    /// `CAMERA`: a value of the camera with the given index; with `None`, of the pass's camera.
     Camera(Option<usize>, CameraValue),
-    /// `LIGHT`: a value of the light with that index.
+    /// `LIGHT`: a value of the light with the given index.
     Light(usize, LightValue),
     /// `COLOR`: a value of the material.
     Color(ColorValue),
     /// Numbers that the project declares.
     Constant([f32; 4]),
-    /// `TEXTURE_BINDING UNIT`: the texture of that unit.
+    /// `TEXTURE_BINDING UNIT`: the texture unit with the given number.
     Unit(u32),
 }
 
@@ -43,7 +43,7 @@ pub enum Matrix {
 pub enum CameraValue {
     /// World; `w` is 1.
     Position,
-    /// Unit direction; `w` is 0.
+    /// Unit direction of view, in the world; `w` is 0.
     View,
     /// Its up vector, of length 1; `w` is 0.
     Up,
@@ -53,7 +53,8 @@ pub enum CameraValue {
     ProjectionMatrix,
     /// World to clip.
     ProjectionViewMatrix,
-    /// World to a texture that the camera fills: from 0 to 1 in each direction and in depth.
+    /// World to the coordinates of a texture that the camera fills: u and v from 0 to 1, and depth from 0 at the near plane to 1 at the far
+    /// plane.
     TextureMatrix,
     /// Degrees, vertical.
     Fov,
@@ -68,12 +69,12 @@ pub enum CameraValue {
 pub enum LightValue {
     /// World; `w` is 1.
     Position,
-    /// Direction in which it shines, with the length that the project gives it; `w` is 0.
+    /// Direction in which the light shines, with the length that the project gives the direction; `w` is 0.
     Direction {
         /// Its length.
         length: f32,
     },
-    /// `w` is 1.
+    /// Colour; `w` is 1.
     Color,
 }
 

@@ -4,10 +4,10 @@
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of rows that a band writes. It also reads the rows within reach of its filters.
+/// Number of rows that a band writes. A band also reads the rows within the radius of its filters.
 const ROWS: usize = 64;
 
-/// The bands of a picture, computed in parallel, in order.
+/// The results of `band` for the row ranges of a picture's bands, from top to bottom. The bands are computed in parallel.
 pub fn bands<T: Send>(height: usize, band: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     (0..height.div_ceil(ROWS))
         .into_par_iter()
@@ -114,7 +114,8 @@ impl Plane {
         Self { values, ..*self }
     }
 
-    /// Filters down the columns at row `y` of the picture and adds the result to `out`.
+    /// Filters down the columns at row `y` of the picture and adds the result to `out`. The plane must hold [`Kernel::radius`] rows above
+    /// and below `y`.
     pub fn down_columns(&self, y: usize, kernel: &Kernel, out: &mut [f64]) {
         let top = (y as i64 - self.first) as usize - kernel.radius();
         for (offset, tap) in kernel.0.iter().enumerate() {

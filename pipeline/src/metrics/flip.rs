@@ -52,7 +52,7 @@ pub(super) fn map(test: &Image, reference: &Image, options: &Options<'_>) -> Err
             let edge = (test.edge - reference.edge).abs();
             let point = (test.point - reference.point).abs();
             let feature = (edge.max(point) / std::f64::consts::SQRT_2).powf(Q_FEATURE);
-            // Rounding aside, both lie in 0..=1 (section 4.3).
+            // Rounding aside, the colour and the feature difference lie in 0..=1 (section 4.3).
             color.powf(1.0 - feature.min(1.0)).clamp(0.0, 1.0)
         });
         differences.collect::<Vec<f64>>()

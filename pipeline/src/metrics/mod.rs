@@ -93,7 +93,7 @@ impl Default for Options<'_> {
 pub enum Which {
     /// The picture that is judged.
     Test,
-    /// The picture that it is compared with.
+    /// The picture with which the test picture is compared.
     Reference,
 }
 

@@ -2,9 +2,9 @@
 //!
 //! Each picture comes with the variance of its mean, pixel by pixel. Under the null hypothesis both have the same expectation, and the
 //! noise of pixels is independent. Then the difference of a value divided by its standard deviation follows Student's t with the degrees
-//! of freedom of Welch (Biometrika 34, 1947), or the standard normal distribution where variances are known. Each difference is turned
-//! into the normal value of the same tail probability by Wallace's formula (Annals of Mathematical Statistics 30, 1959). So one
-//! expectation holds for all: 4.55 % of the values lie beyond 2 and 0.27 % beyond 3.
+//! of freedom of Welch (Biometrika 34, 1947), or the standard normal distribution where variances are known. Each quotient is converted to
+//! the normal value of the same tail probability by Wallace's formula (Annals of Mathematical Statistics 30, 1959). So one expectation
+//! holds for all values: 4.55 % lie beyond 2 standard deviations, and 0.27 % beyond 3.
 //!
 //! A pixel with few samples is not normally distributed: where nine in ten rays agree, all samples of a pixel often agree, and its
 //! estimated variance is 0. The verdict therefore sums over tiles of 8 x 8 pixels. Their noise is nearly normal, their estimated
@@ -21,7 +21,8 @@ pub const EXPECTED_BEYOND_3: f64 = 0.002_699_796_063_260_19;
 
 /// Side of a tile, pixels.
 const TILE: usize = 8;
-/// Threshold of the verdict in standard deviations of a normal distribution: equal pictures exceed it in 1 of 30,000 pairs.
+/// Threshold of the verdict in standard deviations of a normal distribution: pictures with equal expectations exceed it in 1 of 30,000
+/// pairs.
 const VERDICT_SIGMA: f64 = 4.0;
 
 /// A noisy picture.
@@ -35,7 +36,7 @@ pub struct Estimate<'a> {
     pub samples: Option<u32>,
 }
 
-/// What the test says.
+/// Conclusion of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -144,7 +145,8 @@ impl Term {
         self.spread += other.spread;
     }
 
-    /// The normal value with the same tail probability; `None` if the variance is 0.
+    /// The difference divided by its standard deviation, converted to the normal value of the same tail probability; `None` if the variance
+    /// is 0.
     fn z(&self) -> Option<f64> {
         (self.variance > 0.0).then(|| {
             let t = self.difference / self.variance.sqrt();

@@ -1,4 +1,4 @@
-//! Texture lookups that are filtered by ray cones: which passes ask for it, and which backends do it.
+//! Texture lookups that are filtered by ray cones: which passes ask for the filtering, and which backends support it.
 
 use super::{Plan, PlannedPass};
 use crate::backend::{BackendError, RayBackend};

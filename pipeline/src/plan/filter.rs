@@ -42,8 +42,8 @@ impl Plan {
         self.first_lacking(rays_of, |planned| self.asks_of_filter(planned), |rays| rays.filters_shares(), why)
     }
 
-    /// Bytes of the filters on the processor: all ray passes share one, and all raster effects another. Each is as large as the
-    /// largest target that it filters.
+    /// Bytes of the filters' buffers on the processor: all ray passes share one buffer, and all raster effects share a second one. Each
+    /// buffer has room for the largest target that is filtered in it.
     pub(super) fn filter_bytes(&self) -> u64 {
         let largest = |of_rays: bool| {
             let of_kind = |planned: &&PlannedPass| matches!(planned.work, Work::Rays { .. }) == of_rays;

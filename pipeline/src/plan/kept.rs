@@ -16,8 +16,8 @@ enum Left {
 }
 
 impl Plan {
-    /// Decides for each raster pass that does not clear its target whether an earlier pass of the frame wrote the contents that
-    /// it keeps. Contents that no pass wrote are cleared.
+    /// Decides for each raster pass that does not clear its target whether an earlier pass of the frame wrote the contents that the raster
+    /// pass keeps. Contents that no pass wrote are cleared.
     pub(super) fn choose_kept(&mut self) -> Result<(), PlanError> {
         for index in 0..self.passes.len() {
             let planned = &self.passes[index];
@@ -128,7 +128,7 @@ impl Plan {
         }
     }
 
-    /// Fails if a pass would keep triangle ids that number the triangles of other scenes than its own.
+    /// Fails if a pass would keep triangle ids that an earlier pass wrote for triangles of other scenes.
     fn check_triangles(&self, pass: &Pass, index: usize) -> Result<(), PlanError> {
         let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
         for planned in self.passes[..index].iter().rev() {

@@ -21,7 +21,7 @@ pub struct Shining {
     pub lights: Vec<Light>,
 }
 
-/// What a pass shades by its lights.
+/// What the lights of a pass shade.
 #[derive(Clone, Copy)]
 enum Shaded<'a> {
     /// What a rasteriser draws.
@@ -33,7 +33,7 @@ enum Shaded<'a> {
 }
 
 impl Plan {
-    /// The lights with these indices, in the form that engines take. In thesis fidelity only the first directional light shines.
+    /// The lights with these indices, in the form that engines support. In thesis fidelity only the first directional light shines.
     #[must_use]
     pub fn shining(&self, lights: &[usize]) -> Shining {
         let of_project = |light: &usize| &self.project.lights[*light];
@@ -72,12 +72,13 @@ impl Plan {
         lights.len() > 1 || lights.iter().any(|light| self.project.lights[*light].direction.is_none())
     }
 
-    /// As `are_more`, but false in thesis fidelity, which supports no such lights.
+    /// As `are_more`, but false in thesis fidelity, which supports a single directional light only.
     fn are_many(&self, lights: &[usize]) -> bool {
         self.settings.fidelity == Fidelity::Corrected && self.are_more(lights)
     }
 
-    /// What a pass shades by several lights or positional ones, in any fidelity; `None` if it reads no such lights.
+    /// What several lights or positional lights shade in a pass, in any fidelity. `None` if the pass has a single directional light or no
+    /// light, or if it reads no lights.
     fn shaded<'a>(&'a self, planned: &'a PlannedPass) -> Option<Shaded<'a>> {
         let pass = self.pass(planned);
         let shaded = match (&planned.work, &pass.kind) {
@@ -97,23 +98,23 @@ impl Plan {
         shaded.filter(|_| self.are_more(pass.kind.lights()))
     }
 
-    /// The several or positional lights of a ray pass that starts from a G-buffer, in words for messages; `None` if it reads no
-    /// such lights.
+    /// The several or positional lights of a ray pass that starts from a G-buffer, in words for messages. `None` for other passes, in
+    /// thesis fidelity, or if the pass reads a single directional light or none.
     #[must_use]
     pub fn asks_of_lights(&self, planned: &PlannedPass) -> Option<String> {
         matches!(self.shaded(planned)?, Shaded::Traced(..)).then(|| self.lights_in_words(planned)).flatten()
     }
 
-    /// The several or positional lights of a pass, in words for messages; `None` if it is not shaded by such lights, and in
-    /// thesis fidelity.
+    /// The several or positional lights of a pass, in words for messages. `None` in thesis fidelity, or if the pass reads a single
+    /// directional light or none.
     #[must_use]
     pub fn lights_in_words(&self, planned: &PlannedPass) -> Option<String> {
         let known = self.shaded(planned).is_some() && self.settings.fidelity == Fidelity::Corrected;
         known.then(|| self.in_words(self.pass(planned).kind.lights()))
     }
 
-    /// The name of the first pass with lights that its ray backend does not know, and the error with a remedy. `rays_of` returns the
-    /// ray backend for the name of a pass.
+    /// The name of the first pass with several or positional lights that its ray backend does not support, and the error with a remedy.
+    /// `rays_of` returns the ray backend for the name of a pass.
     #[must_use]
     pub fn unlit<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         let why = "its programs know one directional light; use --backend cpu, or allow it with --fallback cpu, or leave one light \

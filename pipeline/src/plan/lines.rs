@@ -16,7 +16,7 @@ impl Plan {
         let others = raster.frusta.iter().filter(|frustum| **frustum != camera);
         let mut lines: Vec<Line> = others.flat_map(|frustum| self.frustum(*frustum)).collect();
         lines.extend(raster.scenes.iter().flat_map(|scene| axes(&self.project.scenes[*scene])));
-        // A light's camera draws a depth map, in which lines have no part.
+        // A light's camera draws a depth map, which contains no lines.
         if lines.is_empty() || self.project.is_of_light(raster.camera) {
             return scenes;
         }

@@ -59,7 +59,7 @@ impl Plan {
             let written = self.channels_written(pass);
             let mut live = attachments(pass, written, &wanted.channels, &wanted.triangles);
             let stores = pass.kind.buffers_stored().any(|channel| wanted.channels.contains(&channel));
-            // A pass that leaves a depth draws at least the first channel.
+            // A pass that stores its depth for a later pass draws at least the first channel.
             let store_depth = matches!(pass.kind, PassKind::Raster(_)) && wanted.depth.contains(&pass.target);
             live.color |= stores || store_depth;
             let host = attachments(pass, written, &wanted.host, &wanted.host_triangles);
@@ -222,8 +222,8 @@ impl Plan {
         RayParams { glass, background, shadow, error: 0.0, photons: 0, sun: 0.0, filter: 0, texture_lod, ..params }
     }
 
-    /// Adds the decision which program runs for a pass whose rays start at the camera. Fails for an orthographic camera, which no
-    /// such program supports.
+    /// Adds the decision which program runs for a pass whose rays start at the camera. Fails for an orthographic camera, which no program
+    /// with rays from the camera supports.
     fn explain_camera_start(&mut self, pass: &Pass, ray: &RayPass, camera: Option<usize>) -> Result<(), PlanError> {
         let Some(start) = &ray.from_camera else { return Ok(()) };
         let camera = &self.project.cameras[camera.unwrap_or(ray.camera)];

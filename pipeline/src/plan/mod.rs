@@ -124,8 +124,8 @@ pub enum Work {
         /// The attachments that are read in host memory: by quad passes, by other passes that cannot read them in place, and for
         /// inspection.
         host: Attachments,
-        /// The attachments that ray passes may read in place ([`Work::Rays`]'s `resident`); if they cannot, these are read in host
-        /// memory too.
+        /// The attachments that ray passes may read in place ([`Work::Rays`]'s `resident`). If the ray passes cannot, these attachments are
+        /// read in host memory too.
         traced: Attachments,
         /// The earlier contents of the target that the pass keeps instead of clearing, and whether it stores its depth for a later pass.
         load_store: LoadStore,
@@ -134,7 +134,7 @@ pub enum Work {
     Rays {
         /// Index into [`Plan::scene_sets`].
         scene_set: usize,
-        /// The camera; rays use its position.
+        /// The camera. Rays that start at the camera use all of it. Rays from a G-buffer use its position, and ray cones its projection.
         view: View,
         /// Rectangle of the target that the camera fills.
         viewport: Rect,
@@ -318,7 +318,8 @@ impl Plan {
         }
     }
 
-    /// Warns of positions stored in less than 32-bit floats. In 16-bit floats they are off by an eighth of a metre at a few hundred metres.
+    /// Warns of positions stored in less than 32-bit floats. In 16-bit floats, coordinates of a few hundred metres are off by up to an
+    /// eighth of a metre.
     fn warn_of_rounded_positions(&mut self) {
         let mut warnings = Warnings::default();
         for planned in &self.passes {
@@ -422,7 +423,8 @@ impl Plan {
         }
     }
 
-    /// Whether a pass takes as glass what the materials themselves declare as glass (`glass=auto`).
+    /// Whether the properties of materials determine what is glass in a pass (`glass=auto`), in addition to the materials that the project
+    /// names.
     #[must_use]
     pub fn asks_materials(&self, planned: &PlannedPass) -> bool {
         let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
@@ -534,8 +536,9 @@ fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     Rect { x: left, y: size[1] - top, width: right - left, height: top - bottom }
 }
 
-/// A camera is far from the origin if its distance exceeds this many times its near plane distance. At this distance, products with a
-/// matrix that translates by the position are off by up to two pixels in a picture of a thousand, for points at the near plane.
+/// A camera is far from the origin if its distance from the origin exceeds this many times its near plane distance. At this distance,
+/// products with a matrix that translates by the position are off by up to two pixels in a picture 1000 pixels wide, for points at the near
+/// plane.
 const FAR_EYE: f32 = 16_384.0;
 
 /// The view of a camera, relative to `origin`.

@@ -221,8 +221,8 @@ impl Plan {
         }
     }
 
-    /// Bytes of the targets, the window, the depths that passes leave, the sums of samples, the filters, adaptive sampling and photons, for the largest
-    /// part.
+    /// Bytes of the targets, the window, the depths that passes store for later passes, the sums and shares of samples, the filters,
+    /// adaptive sampling and photons, for the largest part.
     #[must_use]
     pub fn target_bytes(&self) -> u64 {
         let bytes = |target: &super::PlannedTarget| {
@@ -261,7 +261,8 @@ impl Plan {
         self.parts.list.iter().any(|part| part.rendered != Rect { x: 0, y: 0, width, height })
     }
 
-    /// Fails if these engines cannot carry out the plan, with a remedy. Adds the decisions that their limits enforce.
+    /// Fails if engines with these names and limits cannot carry out the plan; the error has a remedy. Adds the decisions that the limits
+    /// enforce.
     ///
     /// # Errors
     /// If the picture, or a part, exceeds an engine's limits.

@@ -6,7 +6,7 @@ use crate::programs::PHOTON_BYTES;
 use crate::project::PassKind;
 
 impl Plan {
-    /// Number of photons that a ray pass shoots at glass meshes at a time; 0 where it shoots none.
+    /// Number of photons that a ray pass shoots at glass meshes in one run; 0 where it shoots none.
     #[must_use]
     pub fn photons(&self, planned: &PlannedPass) -> u32 {
         match (&planned.work, &self.pass(planned).kind) {

@@ -21,7 +21,7 @@ impl Preview {
         params.error = 0.0;
     }
 
-    /// The size with its sides divided.
+    /// The size with both sides divided by [`Self::divisor`], rounded up.
     pub(super) fn divide(&self, size: [u32; 2]) -> [u32; 2] {
         size.map(|side| side.div_ceil(self.divisor))
     }

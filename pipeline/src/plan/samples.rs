@@ -14,7 +14,8 @@ use crate::project::{ChannelRef, PassKind};
 const SUM: u64 = 32;
 
 impl Plan {
-    /// The content of a channel, which decides its false colours: raster passes write positions and normals, all others colours.
+    /// The content of a channel, which decides its false colours. Channels 1 and 2 of a target that a raster pass draws hold positions and
+    /// normals; all other channels hold colours.
     #[must_use]
     pub fn content(&self, channel: ChannelRef) -> Content {
         let by_raster = self.passes.iter().any(|planned| {
@@ -142,8 +143,8 @@ impl Plan {
         SUM * (self.held_pixels(self.window) + shown.sum::<u64>())
     }
 
-    /// The rectangle that must be rendered as a whole: the G-buffer of an effect pass, or the picture of a ray pass that starts at
-    /// the camera; empty for other passes.
+    /// The rectangle that the camera of a pass covers: the whole G-buffer of an effect pass, or the whole target of a ray pass that starts
+    /// at the camera; empty for other passes.
     #[must_use]
     pub(crate) fn seen_by(&self, planned: &PlannedPass) -> Rect {
         let pass = self.pass(planned);

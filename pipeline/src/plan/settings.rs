@@ -172,7 +172,7 @@ const FORMAT: &str = "format";
 /// Name after the dot in an assignment of a pass's ray backend.
 const BACKEND: &str = "backend";
 
-/// Ray backends that a single pass may ask for. `auto`, the first, is the backend of all passes.
+/// Names of the ray backends that a single pass may ask for. `auto`, the first, selects the common backend of all passes.
 const BACKENDS: &[&str] = &["auto", "cpu", "wgpu", "cuda", "optix"];
 
 /// The parameter with which `--set PASS.backend=NAME` selects a ray backend for one pass. Every pass that [`may_trace`] has it.
@@ -235,7 +235,7 @@ pub(super) fn widen_colors(project: &mut Project, pipeline: usize, settings: &Se
     widened
 }
 
-/// The constants of every pass that has constants, after `--set`.
+/// The constants of each pass of the pipeline, after `--set` and the preview; `None` for passes without constants.
 pub(super) fn constants(
     project: &Project,
     pipeline: usize,

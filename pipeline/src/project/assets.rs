@@ -20,7 +20,7 @@ const OTHER_ASSETS: &[&str] = &[
 ];
 
 impl Loader {
-    /// Reads `<assets>`: constants first, since the others use them, and viewports before cameras.
+    /// Reads `<assets>`: constants first, since the other lists use them, and viewports before cameras, which name viewports.
     pub fn assets(&mut self, root: &Element) {
         const LISTS: &[&str] = &["constants", "aliases", "scenes", "viewports", "cameras", "lights", "materialLibs"];
         if root.children_named(&["assets"]).next().is_none() {

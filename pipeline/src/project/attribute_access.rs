@@ -10,12 +10,12 @@ const MAX_LEVEL: u32 = 16;
 /// Attributes of the engine that scripts can only read. A picture corresponds to the engine's second frame, and no time passes.
 const FIXED: [(&str, f64); 2] = [("FRAME_COUNT", 1.0), ("TIMER", 0.0)];
 
-/// The kinds of things whose attributes scripts read and set.
+/// The kinds of objects whose attributes scripts read and set.
 const KINDS: [&str; 3] = ["PASS", "RENDERER", "IMAGE_TEXTURE"];
 
 /// The place of an attribute that a script names.
 enum Place {
-    /// Number of workgroups of a compute pass, by its `pipeline#pass`, in a direction 0 to 2.
+    /// Number of workgroups of a compute pass, by its `pipeline#pass`, along axis 0 to 2.
     Groups(String, usize),
     /// A named number of a pass, by its `pipeline#pass`.
     Pass(String),
@@ -150,7 +150,8 @@ impl script::Attributes for Attributes {
 }
 
 impl Attributes {
-    /// The mip level that is bound to an image unit of a material; 0 if none is bound.
+    /// The mip level of the image that a material binds to an image unit: the one that a script set, or else the one that the material
+    /// declares. 0 if the material binds no image to the unit.
     fn level(&self, material: &str, unit: u32) -> u32 {
         let key = (material.to_owned(), unit);
         self.levels.get(&key).or_else(|| self.bound.get(&key)).copied().unwrap_or_default()

@@ -1,5 +1,5 @@
-//! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, and those that passes give
-//! themselves. Scripts may change them, and also numbers of workgroups and mip levels of images.
+//! Named numbers of a project: those that `<attributes>` declare for passes and for shaders, and those that passes
+//! declare for themselves. Scripts may set these numbers, and also numbers of workgroups and mip levels of images.
 
 use super::dom::Element;
 use std::collections::HashMap;
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 /// Greatest number of workgroups in one direction: the limit that every device supports.
 pub(super) const MAX_GROUPS: u32 = 65_535;
 
-/// The numbers of workgroups of a compute pass: their names in scripts and in XML.
+/// Names of the three numbers of workgroups of a compute pass, in scripts and in XML.
 pub(super) const GROUPS: [(&str, &str); 3] = [("DIM_X", "dimX"), ("DIM_Y", "dimY"), ("DIM_Z", "dimZ")];
 
 /// Type of an attribute's value.
@@ -19,14 +19,14 @@ pub(super) struct Held {
     pub whole: bool,
 }
 
-/// The numbers of a project. A script sets them for the passes that follow in its pipeline.
+/// The numbers of a project. What a script sets applies to the passes that follow in its pipeline.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Attributes {
     /// Named numbers of passes, declared by the project; a pass may override them.
     pub pass_values: HashMap<String, f32>,
     /// Values that `<attributes>` declare for shaders.
     pub renderer_values: HashMap<String, [f32; 4]>,
-    /// Numbers that passes give, or scripts set, by `pipeline#pass` and name.
+    /// Numbers that passes declare for themselves, or that scripts set, by `pipeline#pass` and name.
     pub given_values: HashMap<(String, String), f32>,
     /// `pipeline#pass` of each pass.
     pub pass_keys: Vec<String>,

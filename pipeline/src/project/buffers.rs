@@ -62,7 +62,8 @@ impl Loader {
         }
     }
 
-    /// `<SIZE value="…"/>` in bytes, or `<DIM x y z/>` times the fields of `<structure>`; `None` where neither can be read.
+    /// Size of a buffer in bytes: `<SIZE value="…"/>`, or the product of the sides of `<DIM x y z/>` and the bytes of all fields of
+    /// `<structure>`. `None` if neither can be read.
     fn bytes_of(&mut self, buffer: &Element) -> Option<u64> {
         let number = |loader: &Self, element: &Element, name: &str| {
             let text = &element.attribute(name)?.text;
@@ -98,7 +99,8 @@ impl Loader {
         found
     }
 
-    /// What is bound to each buffer and image of the program. Inner `None` for an image to which nothing is bound, outer `None` after an error.
+    /// What is bound to each buffer and image, in the order of [`Program::storage`]. Inner `None` for an image to which nothing is bound,
+    /// outer `None` after an error.
     pub(super) fn storage(
         &mut self,
         program: &Program,
@@ -163,7 +165,7 @@ impl Loader {
         Some(Some(Bound { target, cleared: false }))
     }
 
-    /// The buffer that `Library::name` stands for.
+    /// The buffer that `value`, written as `Library::name`, names; an index into [`super::Project::targets`]. `None` after an error.
     pub(super) fn find_buffer_of(&mut self, value: &Value) -> Option<usize> {
         let Some((library, name)) = value.text.split_once("::") else {
             let message = format!("`{}` names no library", value.shown());
@@ -175,7 +177,8 @@ impl Loader {
         self.find_buffer(library, name.trim(), value)
     }
 
-    /// The buffer `name` of a library, an index into [`super::Project::targets`]. `value` is the text that names it, for messages.
+    /// The buffer `name` of a library, an index into [`super::Project::targets`]. `value` is the value that names the buffer, for messages.
+    /// `None` after an error.
     fn find_buffer(&mut self, library: usize, name: &str, value: &Value) -> Option<usize> {
         let library = self.libraries.get(library);
         let index = match library.buffer_names.find(name) {

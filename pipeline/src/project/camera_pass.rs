@@ -1,9 +1,9 @@
 //! Ray passes whose rays start at the camera: their program, its parameters, and the behaviour of materials.
 //!
-//! Such a pass either names one of our programs, as in `program="whitted"`, or hands inputs to device programs of its own. The
-//! tutorials of the engine's descendant all name the same file and the same programs, so the intended program is inferred from
-//! the inputs. Rules are tried in order; `curitiba plan` prints the one that decided. If no rule fits, the pass is in error, and
-//! the message lists the programs.
+//! A pass of this kind either names a built-in program, as in `program="whitted"`, or hands inputs to device programs of its
+//! own. The tutorials of the engine's descendant all name the same file and the same programs, so the intended program is
+//! inferred from the inputs. The rules in `Handed::program` are tried in order; `curitiba plan` prints the rule that decided. If
+//! no rule fits, the pass is in error, and the message lists the programs.
 
 use super::dom::{Element, Value};
 use super::file;
@@ -21,11 +21,12 @@ use crate::programs::{MOST_SAMPLES, PARAMS, RAY_PROGRAMS, RayParams, RayProgram,
 use std::collections::HashSet;
 use std::f32::consts::PI;
 
-/// Radiance of the light in the tutorials' path tracer, before its `LIGHT_SCALE`, and the light's sides. The factor π is there
-/// because the tutorials' surfaces reflect their whole albedo into every direction, ours 1 / π of it.
+/// `PATH_RADIANCE`: radiance of the light in the tutorials' path tracer, before multiplication by `LIGHT_SCALE`. `PATH_LIGHT`:
+/// width and depth of this light. The factor π compensates for the BRDF, which is the albedo in the tutorials and albedo / π
+/// here.
 const PATH_RADIANCE: f32 = 5.0 * PI;
 const PATH_LIGHT: [f32; 2] = [0.47, 0.38];
-/// Side of the light in the tutorials with soft shadows.
+/// Width and depth of the light in the tutorials with soft shadows.
 const SOFT_LIGHT: f32 = 0.4;
 
 /// The inputs that a pass hands to its device programs.
@@ -39,7 +40,7 @@ struct Handed {
     lit_from: Option<From>,
     /// Names of the pass's own attributes that are handed over, such as `AO_RADIUS`.
     of_pass: Vec<String>,
-    /// Kinds of further inputs that are handed over.
+    /// Kinds of the inputs that no other field describes.
     others: Vec<String>,
 }
 
@@ -163,7 +164,7 @@ impl Loader {
         })
     }
 
-    /// The buffer that the pass hands to its device programs, into which they add up colours before they apply gamma.
+    /// The buffer that the pass hands to its device programs; in it the programs accumulate colours before they apply gamma.
     fn handed_buffer(&self, pass: &Element) -> Option<usize> {
         let handed = pass.children_named(handed::GLOBAL).flat_map(|list| &list.children);
         let is_buffer =
@@ -283,8 +284,9 @@ impl Loader {
         None
     }
 
-    /// Whether the light is treated as a point light; if `from` is given, that decides. `None` after an error, if the light lacks the
-    /// position or direction that this needs.
+    /// Whether the light is treated as a point light, and not as a directional light. `from` decides if it is given; otherwise a
+    /// light without a direction is a point light. `None` after an error, if the light lacks the position or the direction that its
+    /// treatment needs.
     fn is_lamp(&mut self, info: &RayProgramInfo, light: Option<(usize, Span)>, from: Option<From>) -> Option<bool> {
         let Some((index, at)) = light else { return Some(false) };
         let Some(light) = &self.lights.items[index] else { return Some(false) };
@@ -299,7 +301,7 @@ impl Loader {
         Some(lamp)
     }
 
-    /// A number that a project gives to a pass: in the pass, or in the project's declarations.
+    /// A named number of a pass: from the pass's child of that name, or else from the project's declarations.
     fn pass_value(&mut self, pass: &Element, name: &str) -> Option<f32> {
         if let Some(child) = pass.children_named(&[name]).next() {
             return self.number_of(child, "value");
@@ -307,7 +309,7 @@ impl Loader {
         self.attributes.pass_values.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
     }
 
-    /// The parameters of a pass of the tutorials.
+    /// The parameters of a pass that hands inputs to device programs, as the tutorials' passes do.
     fn tutorial_params(
         &mut self,
         pass: &Element,
@@ -323,7 +325,8 @@ impl Loader {
             (engines || handed.has(name)).then(|| self.pass_value(pass, name)).flatten().filter(|v| v.is_finite())
         };
         let mut rays = value("RAYS_PER_PIXEL").unwrap_or(1.0).max(1.0).powi(2);
-        // Each of our rays samples one point of the light, or one direction, so the tutorials' samples are multiplied into rays.
+        // Each camera ray here takes one sample of the light or of the directions, so the tutorials' sample counts multiply the number of
+        // camera rays.
         let ways = match info.program {
             RayProgram::CameraOcclusion => value("AO_RAYS").unwrap_or(1.0),
             RayProgram::Whitted => {
@@ -348,7 +351,7 @@ impl Loader {
         let (aperture, focus) = (value("APERTURE"), value("FOCAL_DISTANCE"));
         let (scale, gamma, depth) = (value("LIGHT_SCALE"), value("GAMMA"), value("MAX_DEPTH"));
         if let Some(aperture) = aperture.filter(|aperture| *aperture > 0.0) {
-            // `APERTURE` is the square of a radius, in units of half the picture's height at distance 1.
+            // `APERTURE` is the square of the lens radius. The unit of the radius is half the picture's height at distance 1.
             let fov = camera.and_then(|camera| self.cameras.items[camera].as_ref()).map_or(1.0, |camera| camera.fov_y);
             params.camera.aperture = aperture.sqrt() * (0.5 * fov).tan();
         }
@@ -364,7 +367,7 @@ impl Loader {
         params
     }
 
-    /// How rays behave at the materials, by the pass's own lists and by the names of device programs.
+    /// The behaviour of rays at the materials, from the pass's own lists and from the names of device programs. `None` after an error.
     fn surfaces(&mut self, pass: &Element) -> Option<Surfaces> {
         let (mut surfaces, mut said) = (Vec::new(), Vec::new());
         let mut whole = true;
@@ -393,7 +396,7 @@ impl Loader {
         whole.then_some((surfaces, said))
     }
 
-    /// The behaviour of the materials of a material map, by the names of the map's radiance programs.
+    /// The behaviour of the materials of a material map, from the names of the map's radiance programs. `None` after an error.
     fn kind_of_map(&mut self, map: &Element, default: &[String], said: &mut Vec<String>) -> Option<SurfaceKind> {
         let mut kind = SurfaceKind::Painted;
         for given in programs_of(map).into_iter().filter(|given| !given.of_shadow() && !given.of_kind("MISS")) {
@@ -430,7 +433,7 @@ impl Loader {
         Some(kind)
     }
 
-    /// Whether the project's title mentions transparency but not refraction: its glass then does not refract.
+    /// Whether the project's title mentions transparency but not refraction: glass of such a project does not refract.
     fn is_of_transparency(&self) -> bool {
         let title = self.title.to_ascii_lowercase();
         title.contains("transparency") && !title.contains("refraction")

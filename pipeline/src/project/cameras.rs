@@ -178,8 +178,8 @@ impl Loader {
         Some((position, direction, up))
     }
 
-    /// Takes the elements of a view direction and a target, in either order, and returns that of the direction. It is an error if
-    /// the two disagree.
+    /// Takes the elements of a view direction and a target, in either order, and returns the element of the view direction.
+    /// Reports an error if the direction and the target disagree.
     fn agree<'e>(&mut self, both: [&'e Element; 2], position: Option<DVec3>) -> Option<&'e Element> {
         let [first, second] = both;
         let (view, point) = if first.is(&["view"]) { (first, second) } else { (second, first) };
@@ -192,8 +192,8 @@ impl Loader {
         Some(view)
     }
 
-    /// The direction given by `<ZX_ANGLE>` (from z towards x) and `<ELEVATION_ANGLE>` (upwards), in radians. If both are missing it
-    /// is -z, as in the engine, and a note says so.
+    /// The direction given by `<ZX_ANGLE>` (from z towards x) and `<ELEVATION_ANGLE>` (upwards), in radians. If both angles are
+    /// missing, the direction is -z, as in the engine, and a note says so.
     fn angles(&mut self, element: &Element, name: &Value) -> Option<Vec3> {
         let mut angle = |names: &[&str], default: f32| match self.single(element, names) {
             Some(angle) => self.number_of(angle, "value").map(|angle| (true, angle)),

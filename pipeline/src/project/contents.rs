@@ -44,9 +44,9 @@ impl Contents {
         }
     }
 
-    /// Fills a texture of `width` texels a row, whose top row is first in `texels`. The sequence starts in the bottom row, and
-    /// goes from texel to texel and within a texel from red to alpha. Channels that the format (one of [`Self::format`]) lacks
-    /// are 0, and alpha is 1.
+    /// Fills a texture of `width` texels a row, whose top row is first in `texels`. The sequence starts in the bottom row. It
+    /// goes from texel to texel and, within a texel, from red to alpha. Channels that the format (one of [`Self::format`])
+    /// lacks are 0, and alpha is 1.
     pub fn fill(self, format: PixelFormat, width: u32, texels: &mut [[f32; 4]]) {
         let count = match format {
             PixelFormat::R8Unorm | PixelFormat::R32Float => 1,
@@ -66,7 +66,7 @@ impl Contents {
         });
     }
 
-    /// The number at that place of the sequence, from 0.
+    /// The number at an index of the sequence, from 0.
     fn number(self, index: u64) -> f32 {
         match self.distribution {
             Distribution::Uniform => uniform(self.seed, index),
@@ -87,7 +87,7 @@ fn uniform(seed: u64, index: u64) -> f32 {
     (random(seed, index) >> 40) as f32 / MOST
 }
 
-/// SplitMix64's number at that place of the sequence that begins with the state `seed`.
+/// SplitMix64's number at an index, from 0, of the sequence that begins with the state `seed`.
 fn random(seed: u64, index: u64) -> u64 {
     let state = seed.wrapping_add(STEP.wrapping_mul(index.wrapping_add(1)));
     let mixed = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -119,7 +119,7 @@ struct Parser<'a> {
     all_attributes: usize,
     /// Whether text outside the root was reported already.
     stray_noted: bool,
-    /// Line and column of the last offset for which they were determined, and that offset.
+    /// Line, column and offset of the last position for which line and column were determined.
     cursor: (u32, u32, usize),
 }
 
@@ -164,7 +164,8 @@ impl Parser<'_> {
 
     /// Parses to the end of the file; `false` if it had to stop earlier.
     fn read(&mut self) -> bool {
-        // `quick-xml` does not count byte-order marks. The file's own was removed before, so any mark here follows it.
+        // Positions of `quick-xml` do not count leading byte-order marks. The file's first mark was removed before; more marks may follow
+        // it.
         let skipped = self.text.len() - self.text.trim_start_matches('\u{feff}').len();
         let mut reader = quick_xml::Reader::from_str(&self.text[skipped..]);
         let config = reader.config_mut();
@@ -223,7 +224,7 @@ impl Parser<'_> {
     fn characters(&mut self, start: usize, end: usize) -> bool {
         let raw = &self.text[start..end];
         if raw.trim().is_empty() {
-            // White space only separates words; it is kept only within a text.
+            // White space only separates words; it is kept only after the first other characters of a text.
             if let Some(open) = self.open.last_mut().filter(|open| open.text_span.is_some()) {
                 open.text.push_str(raw);
             }
@@ -270,7 +271,7 @@ impl Parser<'_> {
             rest = &rest[position..];
             let name_length = rest[1..].find(|c: char| !(c.is_ascii_alphanumeric() || c == '#' || c == '_'));
             let Some(length) = name_length.filter(|length| *length > 0 && rest[1 + length..].starts_with(';')) else {
-                // A lone `&` stands for itself, as in the engine's parser.
+                // A `&` that begins no entity is kept as it is, as in the engine's parser.
                 out.push('&');
                 rest = &rest[1..];
                 continue;
@@ -435,8 +436,8 @@ impl Parser<'_> {
         }
     }
 
-    /// Parses the value of attribute `name` at `start` of `content`, quoted or not. Also returns where the next attribute may
-    /// start.
+    /// Parses the value of attribute `name` at `start` of `content`, quoted or not; no value after an error. Also returns
+    /// where in `content` the next attribute may start.
     fn value(&mut self, content: &str, start: usize, offset: usize, name: &str) -> Option<(Option<Value>, usize)> {
         let opening = content[start..].chars().next();
         let (first, last, next) = match opening {
@@ -493,7 +494,7 @@ impl Parser<'_> {
 
 const STRAIGHT: &str = "valid: straight quotes, name=\"value\"; a word processor turned them";
 
-/// The quotes that may close a value opened with a curly quote; `None` if it is no curly quote.
+/// The quotes that may close a value opened with the curly quote `opening`; `None` if `opening` is no curly quote.
 fn curly(opening: char) -> Option<&'static [char]> {
     match opening {
         '\u{201c}' | '\u{201d}' | '\u{201e}' | '\u{2033}' => Some(&['\u{201c}', '\u{201d}', '\u{2033}', '"']),

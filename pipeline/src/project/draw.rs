@@ -24,8 +24,8 @@ impl Loader {
         self.draw_pass(context, None, &[])
     }
 
-    /// Reads a pass of class `geometryPI`, which a plugin of the engine's descendant adds: it draws a square from -1 to 1 beside the scenes
-    /// that it names, if any.
+    /// Reads a pass of class `geometryPI`, which a plugin of the engine's descendant adds: it draws a square from -1 to 1 in addition to
+    /// the scenes that it names, if any.
     pub fn square_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
         let square = self.own_square();
         let names_scenes = context.element.children_named(&["scenes"]).any(|list| !list.children.is_empty());
@@ -33,7 +33,7 @@ impl Loader {
         self.draw_scenes(context, (Some([scenes, vec![square]].concat()), None), &[])
     }
 
-    /// The scene of the square of [`Self::square_pass`].
+    /// Index of the scene that contains the square of [`Self::square_pass`]. The first call adds this scene.
     fn own_square(&mut self) -> usize {
         const NAME: &str = "geometryPI::my_scene";
         if let Found::Exact(index) = self.scenes.names.find(NAME) {
@@ -62,7 +62,7 @@ impl Loader {
         self.draw_scenes(context, (scenes, camera), others)
     }
 
-    /// Reads the rest of a pass that draws these scenes.
+    /// Reads a pass that draws `scenes`, except for its list of scenes. `camera` and `others` are as in [`Self::draw_pass`].
     fn draw_scenes(
         &mut self,
         context: &mut PassContext<'_>,
@@ -86,7 +86,7 @@ impl Loader {
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
         let instances = self.instances(context);
-        // A light's camera draws a depth map, in which lines have no part.
+        // A given camera belongs to a light and draws a depth map. Frusta of cameras are lines, which a depth map leaves out.
         let frusta = self.cameras_among_scenes(context, camera.is_none());
         let camera = camera.or_else(|| self.pass_camera(context));
         let lights = self.pass_lights(context);
@@ -158,7 +158,8 @@ impl Loader {
         clears
     }
 
-    /// Reports a target without colours. It is valid if own shaders draw everything, because these write the depth.
+    /// Reports a target without colour channels. Such a target is valid only if it has a depth channel and the project's own shaders draw
+    /// all materials, because these shaders write the depth.
     fn check_colors(&mut self, context: &PassContext<'_>, all_own: bool) {
         let Some((target, at)) = context.facts.colorless() else { return };
         let target = &self.libraries.targets[target];

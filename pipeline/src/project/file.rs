@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 /// Largest project or library file, bytes.
 pub(super) const MAX_FILE: u64 = 16 << 20;
 
-/// Reads a text file into [`Report::sources`] and returns its index. `named_at` is the place where another file names it.
+/// Reads a text file into [`Report::sources`] and returns its index. `named_at` is the place where another file names this file. `None`
+/// after an error.
 pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> Option<u32> {
     let bytes = match read_bytes(path) {
         Ok(bytes) => bytes,
@@ -78,8 +79,8 @@ impl Folder {
         Self { folder: project.parent().unwrap_or(Path::new("")).to_owned(), lookups: 0 }
     }
 
-    /// The file that `value` names, relative to the folder; it need not exist. `None` after an error, if the path is empty, starts
-    /// with the letter of a Windows drive, or is a network path.
+    /// The file that `value` names, relative to the folder; it need not exist. If the path is empty, starts with the letter of a
+    /// Windows drive, or is a network path, an error is reported and the result is `None`.
     ///
     /// Backslashes count as slashes. Paths that a printed page wrapped are joined. If an existing file differs only in case, that
     /// file is taken and a note says so.
@@ -114,7 +115,7 @@ impl Folder {
 
     /// An existing path that differs from `text` in the folder only by case.
     fn any_case(&mut self, text: &str) -> Option<PathBuf> {
-        /// Greatest number of entries of a folder that are looked at.
+        /// Greatest number of entries of a folder that are examined.
         const MOST: usize = 10_000;
         /// Greatest number of look-ups: a project with thousands of missing files must not cause a search for each.
         const MOST_LOOKUPS: u32 = 64;

@@ -57,7 +57,8 @@ struct Kind {
 }
 
 impl Loader {
-    /// Checks that the program's attributes are handed over, each from the right origin, and notes those that are never read.
+    /// Checks that the pass hands over all attributes that the program reads, each from a valid origin; returns whether it does. Adds a
+    /// note for each attribute that the program does not read.
     pub fn attributes_handed(&mut self, pass: &Element, program: Program) -> bool {
         let info = program.info;
         let value_of = |name: &str| {

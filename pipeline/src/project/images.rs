@@ -73,8 +73,8 @@ impl Loader {
         if mipmap.is_some_and(Value::is_true) { all } else { 0 }
     }
 
-    /// The target that holds a mip level of a channel, from 1 on. Each side is half of that of the level before, rounded down,
-    /// and at least 1.
+    /// Index of the target that holds mip level `level`, at least 1, of a channel. The first call for a level adds the target.
+    /// Each side of a level is half of that of the level before, rounded down, and at least 1.
     fn level_target(&mut self, channel: ChannelRef, level: u32) -> usize {
         if let Some(target) = self.libraries.level_targets.get(&(channel, level)) {
             return *target;
@@ -97,8 +97,8 @@ impl Loader {
         index
     }
 
-    /// The mip levels of a channel to which earlier passes stored, from 1 on. The list ends before the first level to which none
-    /// stored or to which this shader stores.
+    /// The mip levels of a channel to which earlier passes stored, from 1 on. The list ends before the first level to which no
+    /// earlier pass stored or to which this shader stores.
     pub(super) fn levels_stored(&self, channel: ChannelRef, storage: &[Option<Bound>]) -> Vec<ChannelRef> {
         let held = |level: u32| {
             let target = *self.libraries.level_targets.get(&(channel, level))?;
@@ -325,7 +325,7 @@ impl Loader {
         Some(Some(Bound { target, cleared: binding.cleared }))
     }
 
-    /// The value of a uniform that says how large an image is; `None` for other uniforms.
+    /// The value of a uniform that holds the size of an image; `None` for other uniforms.
     pub(super) fn image_extent(&self, storage: &[Option<Bound>], uniform: &str) -> Option<glsl::Value> {
         let bound = storage.get(glsl::is_image_size(uniform)?)?;
         let [width, height] = bound.map_or([0; 2], |bound| self.libraries.targets[bound.target].size);

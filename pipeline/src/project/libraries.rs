@@ -43,15 +43,15 @@ pub(super) struct LightExtra {
 /// The meaning of a texture's name in a library.
 #[derive(Debug, Clone)]
 pub(super) enum Texture {
-    /// A colour channel of a render target; `None` if its target could not be read.
+    /// A colour channel or a kept depth channel of a render target, or an image; `None` if the target could not be read.
     Channel(Option<ChannelRef>),
-    /// The depth of a render target.
+    /// A depth or stencil of a render target that passes cannot read.
     Depth,
     /// An image file: its path as written, relative to the folder of the library's file.
     File(Value),
     /// A cube map: its `<cubeMap>`, which names six image files.
     Cube(Rc<Element>),
-    /// Data that no pass reads here.
+    /// A texture of a kind that is not supported.
     Other,
 }
 
@@ -120,7 +120,7 @@ pub(super) struct BufferBinding {
     pub point: u32,
     /// Whether it holds atomic counters.
     pub counters: bool,
-    /// The library's name; `None` for that of the material itself.
+    /// Name of the buffer's library; `None` for the material's own library.
     pub library: Option<Value>,
     pub name: Value,
 }
@@ -195,7 +195,7 @@ pub(super) struct Shader {
     pub pixel: Option<Value>,
     /// File of its compute shader.
     pub compute: Option<Value>,
-    /// Its other stages, as descriptions with the places that name them.
+    /// Descriptions of its unsupported stages, each with the place that names the stage.
     pub others: Vec<(&'static str, Span)>,
 }
 
@@ -299,7 +299,7 @@ impl Libraries {
         matches!(self.names.find(name), Found::Exact(_))
     }
 
-    /// The storage buffer that `Library::name` stands for, an index into [`Self::targets`].
+    /// Index into [`Self::targets`] of the storage buffer that `text`, written as `Library::name`, names; `None` if there is none.
     pub fn buffer_named(&self, text: &str) -> Option<usize> {
         let (library, name) = text.split_once("::")?;
         let library = self.list.iter().find(|known| known.name == library.trim())?;

@@ -68,8 +68,8 @@ impl Loader {
         ];
         self.expect(&root, PARTS, &["name"]);
         let name = self.required(&root, "name")?;
-        // As in the engine, a second file of the same name extends the first library. Both must be in one folder: their paths are
-        // relative to it.
+        // As in the engine, a second file of the same library name extends the first library. Both files must be in the same
+        // folder, because their paths are relative to the folder of the library.
         let same = match self.libraries.names.find(&name.text) {
             Found::Exact(index) if self.libraries.list[index].path.parent() == path.parent() => Some(index),
             _ => None,
@@ -173,7 +173,7 @@ impl Loader {
             declared.truncate(MAX_CHANNELS);
             whole = false;
         }
-        // Passes keep at most three channels.
+        // A pass writes at most three channels, so the depth is kept only after at most two colours.
         let depth = element.children_named(&["depth"]).find_map(|depth| depth.attribute("name"));
         let depth = depth.filter(|_| glsl::AVAILABLE && whole && channels.len() < glsl::MAX_OUTPUTS);
         let depth = depth.map(|name| {
@@ -227,7 +227,7 @@ impl Loader {
         self.format_named(value)
     }
 
-    /// The format of that name.
+    /// The pixel format that `value` names; `None` after an error.
     pub fn format_named(&mut self, value: &Value) -> Option<PixelFormat> {
         let found = PixelFormat::named(&value.text);
         if found.is_none() {
@@ -387,7 +387,7 @@ impl Loader {
         let mut drawn = Drawn { culled: side.filter(|_| on), tests_depth, writes_depth, ..Drawn::default() };
         let mut other = None;
         if is("BLEND", true) {
-            // The engine's factors, where the state names none.
+            // The engine's defaults for factors that the state does not give.
             let factor = |name: &str, own| value(name).map_or(Some(own), |value| BlendFactor::named(&value.text));
             let source = factor("BLEND_SRC", BlendFactor::One);
             let destination = factor("BLEND_DST", BlendFactor::Zero);
@@ -442,7 +442,7 @@ impl Loader {
         library.target_indices[index]
     }
 
-    /// The channel that the texture `name` of a library stands for.
+    /// The channel of the texture `name` of a library. `value` is the value that names the texture, for messages. `None` after an error.
     pub fn find_channel(&mut self, library: usize, name: &str, value: &Value) -> Option<ChannelRef> {
         let library = &self.libraries.list[library];
         let index = library.texture_names.resolve(&mut self.report, name, value.span)?;
@@ -460,8 +460,8 @@ impl Loader {
         None
     }
 
-    /// The channel for `Library::name`, or for `name` alone. The latter is looked up in the library `own` if there is one, otherwise
-    /// in the only library that has it.
+    /// The channel for `Library::name`, or for `name` alone. A `name` alone is looked up in the library `own` if there is one,
+    /// otherwise in the only library that has it.
     pub fn find_texture(&mut self, value: &Value, own: Option<usize>) -> Option<ChannelRef> {
         if let Some((library, name)) = value.text.split_once("::") {
             let from = Value { text: library.trim().to_owned(), joined: None, span: value.span };

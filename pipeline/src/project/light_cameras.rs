@@ -1,8 +1,8 @@
 //! Depth maps: passes of the classes `depthmap` and `depthmap2`, and the cameras from which lights draw them.
 //!
-//! As in the engine, each such pass has a camera named `pipeline#pass-LightCam`. It looks in the direction of the pass's light and
-//! covers the view frustum of the pass's camera between its near and far plane, or between the distances `<FROM>` and `<TO>` of the
-//! pass.
+//! As in the engine, each such pass has a camera named `pipeline#pass-LightCam`. This camera looks in the direction of the pass's
+//! light and covers the view frustum of the pass's camera between its near and far plane, or between the distances `<FROM>` and
+//! `<TO>` of the pass.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -106,7 +106,8 @@ impl Loader {
 
 impl Project {
     /// Places the cameras of lights so that they cover the views of the passes' cameras in a window of this size. `chosen` is the
-    /// camera that replaces all cameras of passes.
+    /// camera that replaces all cameras of passes. `part` gives the rectangle of a viewport in a target of a size; without a
+    /// viewport, the whole target.
     pub(crate) fn place_light_cameras(
         &mut self,
         chosen: Option<usize>,

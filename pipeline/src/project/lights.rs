@@ -7,10 +7,10 @@ use super::report::{Span, shown};
 use super::{Falloff, Light, Spot};
 use glam::{Vec3, Vec4};
 
-/// Greatest number of lights of a pass: every pixel may ask for the shadow of each.
+/// Greatest number of lights of a pass: every pixel may trace a shadow ray to each.
 const MOST_LIGHTS: usize = 256;
 
-/// From this angle on, in degrees, a spot light shines everywhere.
+/// Cutoff angle, in degrees, of a spot light that shines in all directions.
 const EVERYWHERE: f32 = 180.0;
 
 impl Loader {

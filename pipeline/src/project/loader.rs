@@ -13,7 +13,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Files of the vertex and the fragment shader, and the output location of the depth.
+/// Key of a compiled shader: files of the vertex and the fragment shader, and the output location of the depth. For a compute shader: its
+/// file and an empty path, and `None`.
 pub(super) type ShaderKey = ([PathBuf; 2], Option<usize>);
 
 /// State while a project is read.
@@ -34,7 +35,7 @@ pub(super) struct Loader {
     pub pipeline_name: String,
     /// Compiled shaders by their files; `None` for one that failed to compile.
     pub compiled: HashMap<ShaderKey, Option<Arc<glsl::Program>>>,
-    /// Indices in the report of the texts that were read in addition to the project and its libraries, by path.
+    /// Index in the report of each shader or script file that was read, by path.
     pub texts: HashMap<PathBuf, u32>,
     /// The project's name; empty before it is read.
     pub title: String,
@@ -45,8 +46,8 @@ pub(super) struct Loader {
     pub lights: Declared<Light>,
 }
 
-/// Named things of one kind. A thing that could not be read keeps its name, so that references to it cause no further messages, but
-/// has no value; an error was then reported.
+/// Named items of one kind. For an item that could not be read, an error was reported; its name is kept with the item `None`, so
+/// that references to it cause no further messages.
 pub(super) struct Declared<T> {
     pub names: Names,
     pub items: Vec<Option<T>>,
@@ -57,13 +58,13 @@ impl<T> Declared<T> {
         Self { names: Names::new(what), items: Vec::new() }
     }
 
-    /// Adds a thing with the name `name`.
+    /// Adds an item with the name `name`; `None` if the item could not be read.
     pub fn add(&mut self, report: &mut Report, name: &Value, item: Option<T>) {
         self.names.declare(report, &name.text, name.span);
         self.items.push(item);
     }
 
-    /// All things; must only be called if there was no error.
+    /// All items; must only be called if there was no error.
     fn finish(self) -> Vec<T> {
         debug_assert!(self.items.iter().all(Option::is_some), "what could not be read has an error");
         self.items.into_iter().flatten().collect()
@@ -125,8 +126,9 @@ impl Loader {
         format!("{}#{pass}", self.pipeline_name)
     }
 
-    /// Reads the file of a shader or a script, of at most `most` bytes, into the report, unless it is there already. Returns its
-    /// index there. Invalid UTF-8 is tolerated, since it may be in comments. `None` after an error, which is reported at `named`.
+    /// Reads the file of a shader or a script, of at most `most` bytes, into the report, unless the report has it already.
+    /// Returns the file's index in the report. Invalid UTF-8 is tolerated, since it may be in comments. `None` after an error,
+    /// which is reported at `named`.
     pub fn text_file(&mut self, path: &Path, named: &Value, most: u64) -> Option<u32> {
         if let Some(known) = self.texts.get(path) {
             return Some(*known);

@@ -22,8 +22,8 @@
 //! | program of a `default` pass | the first of [`RASTER_PROGRAMS`](crate::programs::RASTER_PROGRAMS) |
 //! | colours of a library material | diffuse 0.8, emission 0 |
 //!
-//! The library `curitiba_material_lib` (today `__nau_material_lib`) is built in: `__Black`, `__White`, `__Grey`, `__Red`,
-//! `__Green`, `__Blue`, and `__Emission White`, `Red`, `Green`, `Blue`, `Yellow`.
+//! The library `curitiba_material_lib`, in today's dialect `__nau_material_lib`, is built in: `__Black`, `__White`,
+//! `__Grey`, `__Red`, `__Green`, `__Blue`, and `__Emission White`, `Red`, `Green`, `Blue`, `Yellow`.
 //!
 //! Files are limited to 16 MiB, 64 levels of elements and 65,536 elements. The number of reported problems is limited too.
 
@@ -209,7 +209,7 @@ impl SceneDecl {
         }
     }
 
-    /// Reads its files, adds its primitives, and marks the materials of its sky.
+    /// Reads the scene's files, or copies the scene made in memory; adds the primitives; marks the materials of the sky.
     ///
     /// # Errors
     /// As [`scene::load`], or if the primitives need more memory than allowed.
@@ -325,13 +325,13 @@ pub struct LightCamera {
 pub struct Light {
     /// Name.
     pub name: String,
-    /// Unit direction in which the light travels; `None` for a light with only a position.
+    /// Unit direction in which the light travels; `None` for a point or spot light.
     pub direction: Option<Vec3>,
-    /// Position in world space; `None` for a light with only a direction.
+    /// Position in world space; `None` for a light without one. A directional light may have a position.
     pub position: Option<DVec3>,
     /// Colour (`COLOR`, `DIFFUSE`).
     pub color: Vec3,
-    /// Falloff of a positional light; a directional light has none.
+    /// Falloff of a positional light; the default, which is no falloff, for a directional light.
     pub falloff: Falloff,
 }
 
@@ -350,10 +350,10 @@ impl Light {
 /// Falloff of a positional light with distance and direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Falloff {
-    /// Constant, linear and quadratic coefficient of the polynomial in the distance that divides the light (`CONSTANT_ATT`,
-    /// `LINEAR_ATT`, `QUADRATIC_ATT`). None is negative, and at least one is above 0.
+    /// Constant, linear and quadratic coefficient of the polynomial in the distance by which the light is divided
+    /// (`CONSTANT_ATT`, `LINEAR_ATT`, `QUADRATIC_ATT`). None is negative, and at least one is above 0.
     pub attenuation: [f32; 3],
-    /// Distance at which the light ends (`RANGE`), above 0; infinite if it does not.
+    /// Distance beyond which the light has no effect (`RANGE`), above 0; infinity without a limit.
     pub range: f32,
     /// The cone of a spot light; `None` for a point light.
     pub spot: Option<Spot>,
@@ -371,11 +371,12 @@ impl Default for Falloff {
 pub struct Spot {
     /// Unit vector along the axis, pointing as the light travels (`SPOT_DIRECTION`).
     pub axis: Vec3,
-    /// Angle between the axis and the edge of the light, in degrees (`SPOT_CUTOFF`), above 0 and below 180.
+    /// Angle between the axis and the edge of the light, in degrees (`SPOT_CUTOFF`), above 0 and at most 180. At 180 there is no cone, but
+    /// [`Self::exponent`] applies.
     pub cutoff: f32,
     /// Angle to the axis up to which the light has its full strength, in degrees (`SPOT_INNER`), at most [`Self::cutoff`].
     pub inner: f32,
-    /// Power of the cosine of the angle to the axis (`SPOT_EXPONENT`).
+    /// Exponent of the cosine of the angle to the axis, by whose power the light is multiplied (`SPOT_EXPONENT`).
     pub exponent: f32,
 }
 
@@ -413,7 +414,7 @@ pub struct Channel {
     pub name: String,
     /// Declared storage.
     pub format: PixelFormat,
-    /// Whether it is the target's depth. Only passes that draw everything with own shaders write it.
+    /// Whether it is the target's depth. Only passes whose own shaders draw all materials write it.
     pub depth: bool,
 }
 
@@ -460,7 +461,7 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// Number of this run among the runs of the pass that scripts ask for, from 1 on.
+    /// Number of this run among the runs of the pass that scripts request, from 1 on.
     #[must_use]
     pub fn run(&self) -> u32 {
         self.scripted.as_ref().map_or(1, |scripted| scripted.run)
@@ -472,7 +473,7 @@ impl Pass {
 pub struct Scripted {
     /// Number of the run, from 1 on.
     pub run: u32,
-    /// Why it runs, and what scripts set for it.
+    /// Why it runs, and what scripts set for it, in words.
     pub told: String,
 }
 
@@ -714,7 +715,7 @@ impl ShaderTexture {
     }
 }
 
-/// The engine's name for the material of OBJ triangles that name none, and the name used here.
+/// `ENGINES_PLAIN`: the engine's name for the material of OBJ triangles that name none. `PLAIN`: the name of this material here.
 const ENGINES_PLAIN: &str = "DefaultOBJMaterial";
 const PLAIN: &str = "default";
 
@@ -865,7 +866,7 @@ pub struct EffectPass {
 ///
 /// A ray is eight floats: its origin, the least distance, its direction and the greatest distance. Distances are multiples of the
 /// direction's length. A hit is the distance, the triangle's id as the bits of an integer, and the barycentric coordinates of the
-/// triangle's second and third corner; a ray that meets nothing has the distance -1 and the id -1.
+/// triangle's second and third corner; a ray that hits nothing has the distance -1 and the id -1.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct IntersectionPass {
     /// Indices of the scenes that rays can hit.
@@ -941,7 +942,7 @@ pub struct QuadPass {
     pub source: QuadSource,
     /// The own shader of [`QuadSource::Own`].
     pub shader: Option<Arc<OwnShader>>,
-    /// Whether its colour is written, and not only what its shader stores.
+    /// Whether the pass writes colours to its target. If not, only what its shader stores remains.
     pub writes_color: bool,
 }
 

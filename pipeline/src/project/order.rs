@@ -34,9 +34,9 @@ pub(super) struct Facts {
 enum Kept {
     /// The pass draws no triangles.
     Untouched,
-    /// It writes the depth, so that later passes can read it.
+    /// The pass writes the depth, so that later passes can read it.
     Written,
-    /// It draws some triangles without own shaders, so the depth is not kept.
+    /// The pass draws some triangles without own shaders, so the depth is not kept.
     Lost,
 }
 

@@ -12,7 +12,7 @@ const BUFFERS: [&str; 3] = ["pos_buffer", "norm_buffer", "color_buffer"];
 /// The inputs that a program reads.
 #[derive(Clone, Copy)]
 pub(super) struct Reads<'a> {
-    /// Its name.
+    /// Name of the program.
     pub name: &'a str,
     /// Buffers that the program reads.
     pub buffers: &'a [&'static str],
@@ -21,8 +21,8 @@ pub(super) struct Reads<'a> {
 }
 
 impl Loader {
-    /// Reads the attributes of the pass element other than name and class. `set` is called for each, with its name in lower case.
-    /// Returns whether all are valid.
+    /// Reads the attributes of the pass element other than `name` and `class`. Calls `set` for each with the attribute's name in
+    /// lower case and its value. Returns whether all are valid.
     pub fn parameters(
         &mut self,
         context: &PassContext<'_>,
@@ -59,8 +59,8 @@ impl Loader {
         whole
     }
 
-    /// The channels that the element `names` binds to position, normal and colour. It is an error if one that the program reads is
-    /// missing.
+    /// The channels that the child element of one of these names binds to position, normal and colour. `None` after an error, such
+    /// as a missing buffer that the program reads.
     pub fn inputs(
         &mut self,
         context: &mut PassContext<'_>,

@@ -57,7 +57,7 @@ pub(super) struct InjectedShader {
     pub library: usize,
     /// The library material that provides the shader and its values.
     pub material: Rc<LibraryMaterial>,
-    /// What is bound in addition to the scene's texture.
+    /// What is bound in addition to the texture of the scene's material.
     pub bound: Injected,
     /// Place in the file.
     pub at: Span,
@@ -199,7 +199,7 @@ impl Loader {
         Some(Pass { name, place, viewport: viewport?, target: target?, clears, scripted: None, kind: kind? })
     }
 
-    /// The render target of a pass.
+    /// The render target of a pass; inner `None` for the window, outer `None` after an error.
     fn target(&mut self, context: &mut PassContext<'_>) -> Option<Option<usize>> {
         let Some(element) = self.single(context.element, &["renderTarget"]) else { return Some(None) };
         let target = self.find_target(element);
@@ -242,7 +242,7 @@ impl Loader {
     }
 
     /// The scenes of a pass whose class cannot draw several instances of them. `None` after an error: [`Self::scenes_of`] fails, or
-    /// several instances are asked for.
+    /// the pass requests several instances.
     pub fn pass_scenes(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
         let scenes = self.scenes_of(context);
         self.cameras_among_scenes(context, false)?;
@@ -310,7 +310,8 @@ impl Loader {
         misses(&self.scenes.names) && !misses(&self.cameras.names)
     }
 
-    /// The cameras among the scenes of a pass: the engine draws the edges of their view frusta. Without `drawn`, warns of each camera.
+    /// The cameras among the scenes of a pass: the engine draws the edges of their view frusta. If `drawn` is false, warns of each camera.
+    /// `None` after an error.
     pub fn cameras_among_scenes(&mut self, context: &PassContext<'_>, drawn: bool) -> Option<Vec<usize>> {
         let lists = context.element.children_named(&["scenes"]);
         let mut cameras = Vec::new();
@@ -328,7 +329,7 @@ impl Loader {
         Some(cameras)
     }
 
-    /// The camera of a pass, or else that of its pipeline.
+    /// The camera of a pass, or else the default camera of its pipeline. `None` after an error.
     pub fn pass_camera(&mut self, context: &PassContext<'_>) -> Option<usize> {
         if let Some(reference) = self.single(context.element, &["camera"]) {
             let name = self.reference(reference)?;

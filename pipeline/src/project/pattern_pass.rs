@@ -53,7 +53,8 @@ void main() {
 };
 
 /// The only texture, as `Library::name`, that a pass hands to its program; inner `None` if it hands over nothing. Vertices, and
-/// renderer values beside a texture, are ignored. Outer `None` for any other inputs, from which a program could compute anything.
+/// renderer values in addition to a texture, are ignored. Outer `None` for any other inputs, from which a program could compute
+/// anything.
 fn handed_texture(pass: &Element) -> Option<Option<&Value>> {
     let (mut textures, mut others) = (Vec::new(), 0);
     for item in pass.children_named(handed::GLOBAL).flat_map(|list| &list.children) {
@@ -71,7 +72,7 @@ fn handed_texture(pass: &Element) -> Option<Option<&Value>> {
 }
 
 impl Loader {
-    /// Whether a ray pass traces no rays: neither the pass nor its pipeline names a camera, and the pass names none of our programs.
+    /// Whether a ray pass traces no rays: neither the pass nor its pipeline names a camera, and the pass has no attribute `program`.
     pub(super) fn is_pattern(context: &PassContext<'_>) -> bool {
         let element = context.element;
         let names_camera =

@@ -50,7 +50,8 @@ impl Report {
         self.errors > 0
     }
 
-    /// Not generic, since there are hundreds of callers; `help` is called once at most.
+    /// Records a problem, unless the same problem is recorded already. Not generic, since there are hundreds of callers. `help` is called
+    /// at most once, and only if the problem is kept.
     fn push(&mut self, severity: Severity, at: Span, message: String, help: &mut dyn FnMut() -> Option<String>) {
         // A pass that a script repeats is read for each run; its problems are reported once.
         let same = |(place, problem): &(Span, Problem)| {
@@ -95,8 +96,8 @@ impl Report {
         Mark { found: self.found.len(), errors: self.errors }
     }
 
-    /// Turns errors reported since a mark into warnings, because they concern something unused. Returns the first of them with its
-    /// place; `None` if there were none.
+    /// Turns errors reported since a mark into warnings, because they concern something unused. Returns the first of these errors
+    /// with its place; `None` if there were none.
     pub fn excuse(&mut self, since: Mark, what: &str) -> Option<String> {
         let mut first = None;
         for (_, problem) in self.found[since.found..].iter_mut().filter(|(_, p)| p.severity == Severity::Error) {
@@ -182,7 +183,7 @@ impl Names {
         Self { what, list: Vec::new(), exact: HashMap::new(), folded: HashMap::new() }
     }
 
-    /// Declares the next name. A repeated name is an error; the second one still gets an index, but look-ups find the first.
+    /// Declares the next name. A repeated name is an error; the repeated name still gets an index, but look-ups find the first.
     pub fn declare(&mut self, report: &mut Report, name: &str, at: Span) {
         let index = self.list.len();
         if let Some(&first) = self.exact.get(name) {
@@ -222,7 +223,8 @@ impl Names {
         self.folded.get(&name.to_lowercase()).map_or(Found::Missing, |&index| Found::OtherCase(index))
     }
 
-    /// Looks up a name that a file mentions. A different case is reported as a note, an unknown name as an error.
+    /// Looks up a name that a file mentions, and returns its index. A different case is reported as a note; an unknown name is reported as
+    /// an error and gives `None`.
     pub fn resolve(&self, report: &mut Report, name: &str, at: Span) -> Option<usize> {
         match self.find(name) {
             Found::Exact(index) => Some(index),

@@ -20,7 +20,7 @@ pub(super) struct Running {
     /// The loaded scripts; `None` until a script is needed.
     #[cfg(feature = "glsl")]
     pub scripts: Option<Loaded>,
-    /// Number of runs of passes that test scripts asked for so far.
+    /// Number of runs of passes that test scripts have requested so far.
     pub runs: u32,
     /// Targets to which shaders have stored so far, among them those that hold mip levels.
     pub stored: HashSet<usize>,

@@ -1,4 +1,4 @@
-//! When passes run: `<mode>`, and the scripts that run before and after them and say whether, and how often, they run.
+//! When passes run: `<mode>`, and the scripts that run before and after passes and decide whether, and how often, passes run.
 
 use super::Scripted;
 use super::attributes::{GROUPS, MAX_GROUPS};
@@ -17,7 +17,7 @@ const MODES: [&str; 6] = ["RUN_ALWAYS", "RUN_ONCE", "SKIP_FIRST_FRAME", "RUN_EVE
 /// The classes of passes that a script can repeat.
 const REPEATED: [&str; 2] = ["compute", "quad"];
 
-/// Greatest number of runs that the scripts of a pipeline ask for.
+/// Greatest number of runs that the scripts of a pipeline may request.
 const MAX_RUNS: u32 = 4096;
 
 /// Whether a pass is of one of these classes.
@@ -43,7 +43,7 @@ impl Loader {
         runs
     }
 
-    /// Whether a pass that has run `before` times runs again, as its test script says. Without a test script a pass runs once.
+    /// Whether a pass that has run `before` times runs again, as its test script decides. Without a test script a pass runs once.
     pub fn runs_again(&mut self, pass: &Element, before: u32) -> bool {
         let Some(test) = pass.children_named(&["testScript"]).next() else { return before == 0 };
         let (repeats, can_repeat) = (repeats(test), of_class(pass, &REPEATED));
@@ -123,7 +123,7 @@ impl Loader {
         }
     }
 
-    /// Warns of a pass's test script, which this build does not run. The pass runs as if the script said yes.
+    /// Warns of a pass's test script, which this build does not run. The pass runs as if the script returned true.
     fn asks_script(&mut self, pass: &Element, test: &Element) -> Option<bool> {
         let name = pass.attribute("name").map_or("", |name| &name.text);
         let when = if repeats(test) { "as often as" } else { "if" };
@@ -134,7 +134,7 @@ impl Loader {
     }
 }
 
-/// Whether a pass runs until its script says no; otherwise the script says whether it runs.
+/// Whether a pass runs repeatedly until its test script returns false. If not, the test script decides whether the pass runs once.
 pub(super) fn repeats(test: &Element) -> bool {
     test.attribute("TEST_MODE").is_some_and(|mode| mode.text.eq_ignore_ascii_case("RUN_WHILE"))
 }

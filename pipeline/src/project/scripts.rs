@@ -27,7 +27,7 @@ impl Loader {
         }
     }
 
-    /// The answer of the script that says whether a pass runs; `None` after an error.
+    /// Runs the test script of a pass and returns whether the pass runs; `None` after an error.
     pub(super) fn asks_script(&mut self, pass: &Element, test: &Element) -> Option<bool> {
         let name = self.script_of(pass, test)?;
         let answer = self.with_scripts(|scripts| scripts.test(&name));
@@ -93,7 +93,7 @@ impl Loader {
         }
     }
 
-    /// Lends the attributes to the scripts while `run` is called.
+    /// Calls `run`. Scripts have the attributes meanwhile, in place of the loader.
     fn with_scripts<T>(&mut self, run: impl FnOnce(&Scripts) -> Result<T, Fault>) -> Result<T, Fault> {
         let Some(loaded) = &self.running.scripts else { unreachable!("scripts are there once one is asked for") };
         loaded.attributes.replace(std::mem::take(&mut self.attributes));

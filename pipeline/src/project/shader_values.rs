@@ -26,7 +26,8 @@ const MATRICES: [(&str, glsl::Value); 9] = [
     ("PROJECTION_VIEW", glsl::Value::Matrix(Matrix::ProjectionView)),
     ("NORMAL", glsl::Value::NormalMatrix),
     ("TEXTURE_COUNT", glsl::Value::TextureCount),
-    // A picture is a single frame here. Passes for the first frame only, and passes that skip it, both run in it; it counts as the second.
+    // The only frame of a picture counts as the engine's second, whose number is 1. Passes that run only in the first frame, and passes
+    // that skip the first frame, both run in it.
     ("FRAME_COUNT", glsl::Value::Constant([1.0, 0.0, 0.0, 0.0])),
 ];
 
@@ -53,7 +54,7 @@ const COLORS: [(&str, ColorValue); 5] = [
     ("SHININESS", ColorValue::Shininess),
 ];
 
-/// Kinds of things whose values can be used.
+/// Kinds of objects whose values uniforms can have.
 const KINDS: [&str; 7] = ["RENDERER", "CAMERA", "LIGHT", "COLOR", "TEXTURE_BINDING", "IMAGE_TEXTURE", "PASS"];
 
 fn find<T: Copy>(table: &[(&str, T)], name: &str) -> Option<T> {
@@ -96,8 +97,8 @@ impl Loader {
         }
     }
 
-    /// The source of a uniform's value. `pass` is `pipeline#pass`; `lights` are the pass's. `None` if there is no such value;
-    /// an error was then reported.
+    /// The value of a uniform, or the source from which it is computed. `pass` is `pipeline#pass`; `lights` are the indices
+    /// of the pass's lights. `None` after an error, if there is no such value.
     pub fn uniform_value(&mut self, given: &ValueOf, pass: &str, lights: &[usize]) -> Option<glsl::Value> {
         let uniform = given.uniform.shown();
         let mut part = |value: &Option<Value>, name: &str| {
@@ -208,7 +209,7 @@ impl Loader {
         }
     }
 
-    /// Unwraps a value, or reports an error with what would be valid.
+    /// Returns `value`. If it is `None`, reports an error that lists the valid components.
     fn found(
         &mut self,
         value: Option<glsl::Value>,

@@ -21,7 +21,7 @@ pub(super) struct ShaderUse<'a> {
     pub library: usize,
     pub material: &'a Rc<LibraryMaterial>,
     pub at: Span,
-    /// What is bound in addition to the scene's texture.
+    /// What is bound in addition to the texture of the scene's material.
     pub injected: &'a Injected,
     /// Whether the materials are replaced as a whole, including their textures.
     pub replaces: bool,
@@ -60,11 +60,11 @@ pub(super) enum UsedBy {
 /// A built-in shader, in the same language as projects' own shaders.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct BuiltIn {
-    /// For messages.
+    /// Name, for messages.
     pub name: &'static str,
-    /// Text of the vertex shader.
+    /// GLSL source of the vertex shader.
     pub vertex: &'static str,
-    /// Text of the pixel shader.
+    /// GLSL source of the pixel shader.
     pub fragment: &'static str,
 }
 
@@ -74,13 +74,13 @@ impl Loader {
         let known = |stem: &str| {
             RASTER_PROGRAMS.iter().any(|info| info.stem == stem) || QUAD_PROGRAMS.iter().any(|info| info.stem == stem)
         };
-        // No program of ours loads or stores images.
+        // No built-in program loads or stores images.
         let own = |stem: &str| !known(stem) || !material.images.is_empty();
         glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| own(&stem))
     }
 
-    /// Compiles the own shader of a quad or compute pass, and records what the pass reads and stores through it. `at` is where
-    /// the pass names the material.
+    /// Compiles the own shader of a quad or compute pass, and records what the pass reads and stores through this shader. `at`
+    /// is where the pass names the material.
     pub fn pass_shader(
         &mut self,
         context: &mut PassContext<'_>,
@@ -105,7 +105,7 @@ impl Loader {
         context.facts.stores(shader.buffers_stored());
     }
 
-    /// Compiles an own shader and determines its inputs. `lights` are the pass's.
+    /// Compiles an own shader and determines its inputs. `lights` are the indices of the pass's lights. `None` after an error.
     pub fn own_shader(
         &mut self,
         context: &PassContext<'_>,
@@ -180,8 +180,8 @@ impl Loader {
         whole.then(|| Arc::new(own))
     }
 
-    /// Reports a shader that stores and asks for early fragment tests, so that hidden pixels store nothing. This is not
-    /// supported: hidden pixels store too, as in OpenGL by default.
+    /// Reports a shader that stores and declares early fragment tests, with which hidden pixels would store nothing.
+    /// Early tests are not supported: hidden pixels store too, as in OpenGL by default. `None` after an error.
     fn check_early(&mut self, program: &Program, files: [u32; 2], used: &ShaderUse<'_>) -> Option<()> {
         let stores = used.by == UsedBy::Scenes && program.storage.iter().any(|buffer| buffer.written);
         let Some(early) = program.early.filter(|_| stores) else { return Some(()) };
@@ -216,7 +216,7 @@ impl Loader {
         None
     }
 
-    /// A value as it is in a pass without a camera: the material's colours are constants, and values that need a camera are an error.
+    /// Converts a value for a pass without a camera: the material's colours become constants, and values that need a camera are an error.
     fn without_camera(&mut self, value: glsl::Value, given: &ValueOf, used: &ShaderUse<'_>) -> Option<glsl::Value> {
         use glsl::{ColorValue as C, Value as V};
         let (material, is_quad) = (used.material, matches!(used.by, UsedBy::Quad(_)));
@@ -244,7 +244,7 @@ impl Loader {
         }
     }
 
-    /// The compiled shader, and the indices of its two files in the report.
+    /// The compiled shader, and the indices of its two files in the report. `None` after an error.
     fn own_program(&mut self, context: &PassContext<'_>, used: &ShaderUse<'_>) -> Option<(Arc<Program>, [u32; 2])> {
         if let UsedBy::Quad(Some(built_in)) = used.by {
             return self.built_in_program(built_in);
@@ -298,7 +298,7 @@ impl Loader {
         program.map(|program| (program, files))
     }
 
-    /// The compiled built-in shader, and the indices of its two texts in the report.
+    /// The compiled built-in shader, and the indices of its two sources in the report.
     fn built_in_program(&mut self, built_in: &BuiltIn) -> Option<(Arc<Program>, [u32; 2])> {
         let texts = [built_in.vertex, built_in.fragment];
         let files = texts.map(|text| {
@@ -308,7 +308,7 @@ impl Loader {
         self.compiled_or_reported(compiled, files).map(|program| (program, files))
     }
 
-    /// The compiled compute shader, and twice the index of its file in the report.
+    /// The compiled compute shader, and the index of its file in the report, given twice.
     fn compute_program(
         &mut self,
         pass: &str,
@@ -497,7 +497,7 @@ impl Loader {
         Some(ShaderTexture::Levels([&[channel][..], &stored].concat()))
     }
 
-    /// The texture that is bound to a texture unit.
+    /// The texture that is bound to a texture unit. `None` after an error.
     fn bound(&mut self, used: &ShaderUse<'_>, unit: u32, kind: SamplerKind) -> Option<ShaderTexture> {
         let Some(binding) = used.textures().iter().rev().find(|binding| binding.unit == unit) else {
             if !used.replaces && unit == 0 {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Extensions of scene files, best first: if a folder holds one model in several formats, the first of these is used.
 pub const SCENE_EXTENSIONS: [&str; 8] = ["glb", "gltf", "nbo", "cbo", "obj", "3ds", "dae", "mesh.xml"];
 
-/// Extensions of related files that cannot be opened, with advice.
+/// Extensions of related files that cannot be opened, each with advice.
 const OTHER_FILES: &[(&str, &str)] = &[
     ("mlib", "this is a material library; name a project that lists it in <materialLibs>"),
     ("mtl", "this holds the materials of an .obj file; name that"),
@@ -49,8 +49,9 @@ impl From<FromSceneError> for SourceError {
     }
 }
 
-/// Opens a path. A project file is read; from a scene file, or a folder of them, a project is made by `options`. `window` is then
-/// the size of its window and targets in pixels.
+/// Opens a path. A project file is read; from a scene file, or a folder of them, a project is made by `options`. `window` is the
+/// size of such a project's window and targets in pixels; `None` stands for 1024 x 1024. `max_bytes` limits the memory for scene
+/// files.
 ///
 /// # Errors
 /// All problems of a project's files together; the first error of scene files; or options that apply only to scene files.
@@ -118,7 +119,7 @@ fn scene_projects(
     Ok(SceneProjects::new(&files, options, window, max_bytes)?)
 }
 
-/// Whether a path could be one of scenes: by its extension, or because it is a folder.
+/// Whether a path may name scenes: by its extension, or because it is a folder.
 #[must_use]
 pub fn names_scenes(path: &Path) -> bool {
     SCENE_EXTENSIONS.contains(&extension(path).as_str()) || path.is_dir()

@@ -1,4 +1,5 @@
-//! Reading numbers, vectors, colours and references from elements.
+//! Reading numbers, vectors, colours and references from elements. Methods that parse a value return `None` after they have reported an
+//! error.
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
@@ -57,7 +58,8 @@ impl Loader {
         }
     }
 
-    /// The only child with one of these names; `None` if there is none. A second one is an error.
+    /// The only child with one of these names; `None` if there is none. More children with these names are reported as errors; the first is
+    /// returned.
     pub fn single<'e>(&mut self, element: &'e Element, names: &[&str]) -> Option<&'e Element> {
         let mut found = element.children.iter().filter(|child| child.is(names));
         let first = found.next()?;
@@ -221,7 +223,7 @@ impl Loader {
         format!("{}:{}:{}", self.report.source(element.span.file).path.display(), element.line, element.column)
     }
 
-    /// Span of a value, if there is one, otherwise of the element.
+    /// Span of the value if there is one, otherwise of the element.
     pub fn span_or(value: Option<&Value>, element: &Element) -> Span {
         value.map_or(element.span, |value| value.span)
     }

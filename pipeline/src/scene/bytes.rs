@@ -1,4 +1,5 @@
-//! A little-endian reader that never reads past the end. It copies only strings and numbers, after checking that the file holds their bytes.
+//! A little-endian reader that never reads past the end. It copies only strings and numbers, after checking that the file has enough bytes
+//! for them.
 
 use super::error::{Place, SceneError};
 use std::path::Path;

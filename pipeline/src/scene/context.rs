@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Longest suffix of a path that is searched for beside the scene, in components.
+/// Greatest number of components of a path's suffix that is searched for in the scene's folder.
 const MAX_SUFFIX: usize = 16;
 /// Alpha cutoff of materials that a texture cuts out, where the file gives no number.
 pub(crate) const MASK_CUTOFF: f32 = 0.5;
@@ -47,8 +47,8 @@ pub(crate) fn read_file(file: &Path, size: u64, budget: &mut Budget) -> Result<V
     Ok(bytes)
 }
 
-/// Fails if a file was refused. A load continues without a texture that it cannot read, but a texture outside the folder of
-/// [`confine`](crate::files::confine) ends it.
+/// Fails if a file was refused because it lies outside the folder of [`confine`](crate::files::confine). A load continues
+/// without a texture that cannot be read, but fails if a texture was refused.
 pub(crate) fn no_file_refused() -> Result<(), SceneError> {
     crate::files::refused().map_or(Ok(()), |file| {
         Err(SceneError::file(file, "this file is named by the scene and lies outside the folder of --confine")
@@ -122,8 +122,8 @@ pub(crate) fn texture_file_or_suffix(
     texture_file(context, written, warnings, material)
 }
 
-/// Checks the scale of a normal map's x and y. Magnitudes up to 1e6 are kept and larger ones clamped to it: with them the normals would point
-/// in all directions and squares overflow. NaN becomes 1.
+/// Checks the scale of a normal map's x and y. Magnitudes up to 1e6 are kept and larger ones clamped to 1e6: with larger scales the normals
+/// would point in all directions and squares would overflow. NaN becomes 1.
 pub(crate) fn normal_scale(context: &Context<'_>, written: f32, material: &str, warnings: &mut Warnings) -> f32 {
     const MOST: f32 = 1e6;
     if written.abs() <= MOST {

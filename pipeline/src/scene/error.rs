@@ -12,7 +12,7 @@ pub enum Place {
     Byte(u64),
     /// Line of a text file, from 1.
     Line(u64),
-    /// Line and column of a text file, both from 1; columns count characters, and 2³² - 1 stands for more.
+    /// Line and column of a text file, both from 1; columns count characters. Larger values are clamped to 2³² - 1.
     Column(u32, u32),
 }
 

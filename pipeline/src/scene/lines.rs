@@ -1,4 +1,4 @@
-//! Straight lines as triangles: each is a pixel wide in the picture of one camera, as OpenGL draws lines.
+//! Straight lines as triangles: each line is a pixel wide in the picture of one camera, as in OpenGL.
 
 use super::{Group, Material, Mesh, Object, Scene};
 use glam::{DVec2, DVec3, Mat4, Vec3, Vec4};
@@ -49,7 +49,8 @@ pub(crate) struct LineViewer {
     pub position: DVec3,
     /// Its unit axes: right, up, and the viewing direction.
     pub axes: [DVec3; 3],
-    /// Width and height of a pixel in the middle of the picture: at a distance of 1 with perspective, at any distance without.
+    /// Width and height in world units of a pixel in the middle of the picture: at a distance of 1 with perspective, at any distance
+    /// without.
     pub pixel: DVec2,
     /// Distance of the near plane with perspective; `None` without perspective.
     pub near: Option<f64>,

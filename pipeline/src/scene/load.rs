@@ -19,7 +19,7 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
-    /// Default of the limit: 8 GiB.
+    /// Default of [`Self::max_bytes`]: 8 GiB.
     pub const DEFAULT_MAX_BYTES: u64 = 8 << 30;
 }
 
@@ -230,7 +230,7 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     scene.lights.append(&mut other.lights);
 }
 
-/// Leaves out the objects whose transforms hold a number that is not finite. No vertex of such an object has a place.
+/// Leaves out the objects whose transforms hold a number that is not finite. No vertex of such an object has a finite position.
 fn leave_out_unplaced(scene: &mut Scene, file: &Path) {
     let Scene { objects, warnings, .. } = scene;
     objects.retain(|object| {
@@ -245,8 +245,8 @@ fn leave_out_unplaced(scene: &mut Scene, file: &Path) {
     });
 }
 
-/// Replaces colours, shininess and thickness that are not finite by the defaults; returns whether there were any. An infinite index of
-/// refraction, attenuation distance or cutoff is meaningful and stays.
+/// Replaces colours, shininess and thickness that are not finite by the defaults; returns whether any was replaced. An infinite index
+/// of refraction, attenuation distance or alpha cutoff is meaningful and stays.
 fn replace_non_finite(material: &mut Material) -> bool {
     let defaults = Material::default();
     let mut replaced = false;

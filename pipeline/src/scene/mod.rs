@@ -89,7 +89,7 @@ pub struct Mesh {
     /// Positions in model space.
     pub positions: Vec<Vec3>,
     /// Normals in model space as the file has them; [`RenderScene::build`] normalises them. As many as positions, or none if the
-    /// file has none or none were asked for.
+    /// file has none or the load needs none.
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row: as many as positions, or none.
     pub texcoords: Vec<Vec2>,
@@ -145,10 +145,9 @@ pub struct SceneLight {
     /// Position, relative to [`Scene::origin`]; `None` for a directional light. Light from a position falls off with the square of the
     /// distance.
     pub position: Option<Vec3>,
-    /// Distance at which light from a position ends; infinite where it does not.
+    /// Distance beyond which light from a position has no effect; infinity without a limit.
     pub range: f32,
-    /// Angles between the axis of a spot light and the edges of its cone, in radians: where it begins to fade, and where it ends. `None` for
-    /// other lights.
+    /// Angles to the axis of a spot light, in radians, at which its light begins to fade and at which it is 0. `None` for other lights.
     pub cone: Option<[f32; 2]>,
 }
 
@@ -159,7 +158,7 @@ pub struct Object {
     pub name: String,
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// Model to world, relative to [`Scene::origin`]. [`load`] leaves out objects whose numbers here are not finite.
+    /// Model to world, relative to [`Scene::origin`]. [`load`] leaves out objects whose transforms are not finite.
     pub transform: Mat4,
 }
 
@@ -271,7 +270,7 @@ impl TextureSource {
         self.sampled(Sampling::wrapped(wrap))
     }
 
-    /// The source of the texels, without its wrappers, and how they are read.
+    /// The innermost source, which holds the texels, and the sampling with which they are read.
     #[must_use]
     pub fn texels(&self) -> (&Self, Sampling) {
         match self {
@@ -306,7 +305,7 @@ pub struct Material {
     /// Normal map: vectors in tangent space (tangent, bitangent, normal), at the coordinates of [`Self::texture`]; green points to
     /// growing v. Index into [`Scene::textures`].
     pub normal_texture: Option<u32>,
-    /// Factor of the normal map's x and y; finite.
+    /// Factor of x and y of the normal map's vectors; finite.
     pub normal_scale: f32,
     /// Alpha test: the surface has a hole where the product of the alphas of texture, vertex colour and [`Self::diffuse`] is below this. `None`
     /// cuts no holes.
@@ -314,16 +313,16 @@ pub struct Material {
     /// Whether some triangles of the material have vertex colours ([`Geometry::colors`]) other than white. [`RenderScene::build`] sets it;
     /// `false` before.
     pub vertex_colors: bool,
-    /// Whether it is a sky around the scene. In corrected fidelity a sky is shown in its own colours whatever the light, and occludes
-    /// neither light nor ambient occlusion rays. Projects declare skies ([`SceneDecl::sky`](crate::project::SceneDecl::sky)), scene files do not.
+    /// Whether it is a sky around the scene. In corrected fidelity a sky is shown in its own colours whatever the light, and blocks neither
+    /// shadow nor ambient occlusion rays. Projects declare skies ([`SceneDecl::sky`](crate::project::SceneDecl::sky)), scene files do not.
     pub sky: bool,
     /// Whether cameras cull its back faces, whose corners run clockwise on screen (glTF unless `doubleSided`). Rays hit both sides:
     /// light that entered glass must leave it, and a wall blocks light from either side.
     pub single_sided: bool,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
-    /// Texture whose red channel, as a number, multiplies [`Self::transmission`], at the coordinates of [`Self::texture`]
-    /// (glTF `transmissionTexture`). Light that it keeps from entering is scattered back ([`Self::veil`]). Index into [`Scene::textures`].
+    /// Texture whose red channel, which is not decoded from sRGB, multiplies the share of light that is not scattered back (1 - [`Self::veil`]), at the
+    /// coordinates of [`Self::texture`] (glTF `transmissionTexture`). Index into [`Scene::textures`].
     pub transmission_texture: Option<u32>,
     /// Whether the surface bounds a solid body instead of being a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7).
     /// This field and the following ones apply with `glass=auto`; a pane of the rule `glass=pane` has only the pass's index of refraction.
@@ -333,7 +332,7 @@ pub struct Material {
     pub filter: Vec3,
     /// Share of reflected light, by colour, that is kept at each reflection by glass (glTF `extras.reflectionColor`). Linear, 0..=1.
     pub reflection: Vec3,
-    /// Reflectance of glass that replaces Fresnel's equations (glTF `extras.schlick`); `None` keeps these.
+    /// Reflectance of glass that replaces Fresnel's equations (glTF `extras.schlick`); `None`: that of the pass's `fresnel`.
     pub reflectance: Option<Reflectance>,
     /// Whether the texture's colour is part of the filter (glTF) and not only of the diffuse colour (MTL).
     pub filter_textured: bool,
@@ -446,7 +445,7 @@ pub struct Needs {
 }
 
 impl Needs {
-    /// Everything that files hold, for conversions.
+    /// Everything that files hold, for conversions, except tangents that no normal map uses.
     pub const ALL: Needs =
         Needs { normals: true, textures: true, colors: true, normal_maps: true, glass_maps: true, tangents: false };
 

@@ -6,7 +6,7 @@
 
 use glam::{Vec3, Vec4};
 
-/// Least z of a texel's vector: vectors below are raised to it, so that they lie almost in the surface.
+/// Least z of a texel's vector: a lower z is raised to it, so that the vector lies almost in the surface.
 pub const LEAST_HEIGHT: f32 = 1.0 / 255.0;
 
 /// Least cosine between the bent normal and the triangle's normal, so that the bent normal stays on the side of the vertex normal.
@@ -29,7 +29,8 @@ pub fn bent(texel: Vec3, scale: f32, normal: Vec3, tangent: Vec4, flat: Vec3) ->
     if cosine < LEAST_COSINE { unit_or(bent + flat * (LEAST_COSINE - cosine), flat) } else { bent }
 }
 
-/// The light's cosine at a bent normal; 0 if the light is below the horizon of the vertex normal.
+/// Cosine between a bent normal and the direction to the light, clamped to 0..=1; 0 if the light is below the horizon of the vertex normal.
+/// All vectors but `normal` are unit vectors.
 #[must_use]
 #[inline(always)]
 pub fn cosine(bent: Vec3, normal: Vec3, to_light: Vec3) -> f32 {
@@ -105,7 +106,7 @@ mod tests {
             let from_behind = bent(texel, 1.0, -n, (-t).extend(1.0), flat);
             assert!(low.contains(&-from_behind.z), "{from_behind}");
         }
-        // A vector into the surface is raised into it; a vector without a direction gives the vertex normal.
+        // A vector that points below the surface is raised almost into the surface; a vector without a direction gives the vertex normal.
         let sunk = bent(Vec3::new(1.0, 0.5, 0.0), 1.0, Vec3::Z, Vec4::new(1.0, 0.0, 0.0, 1.0), Vec3::Z);
         assert!(sunk.z >= LEAST_HEIGHT && sunk.is_normalized(), "{sunk}");
         assert_eq!(bent(Vec3::ONE, 1.0, Vec3::Y, Vec4::ZERO, Vec3::Y), Vec3::Y);

@@ -33,7 +33,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     with_text(bytes, context, read_mesh)
 }
 
-/// [`read`] for decoded text; positions in errors count its bytes.
+/// [`read`] for decoded text; positions in errors count the bytes of this text.
 fn read_mesh(text: &str, context: &mut Context<'_>) -> Result<Scene, SceneError> {
     // The reader does not count a byte order mark.
     let (whole, text) = (text.len(), text.trim_start_matches('\u{feff}'));

@@ -2,7 +2,8 @@
 //!
 //! Buildings and terrains often use map coordinates. `f32` has 24 bits: a million units from the origin its spacing is a sixteenth
 //! of a unit, and products of such coordinates with a matrix lose further digits. So coordinates of a scene far from the origin are
-//! stored relative to a nearer one, and files whose numbers have more digits are read relative to it before rounding.
+//! stored relative to an origin near the scene, and files whose numbers have more digits than `f32` are read relative to that
+//! origin before rounding.
 
 use super::{Mesh, Scene};
 use glam::{DMat4, DVec3, Vec3};
@@ -19,8 +20,8 @@ pub(crate) type Bounds = [DVec3; 2];
 /// The origin for contents in a box: 0, unless the box is farther away than [`FAR`] times its longest side; then a point near its
 /// centre.
 ///
-/// It is a multiple of a power of two that is at least twice the longest side. Moving a scene by a multiple of that power therefore
-/// leaves its relative coordinates unchanged, bit for bit; and the origin is exact in `f32`.
+/// The origin is a multiple of a power of two that is at least twice the longest side. Moving a scene by a multiple of that power
+/// therefore leaves its relative coordinates unchanged, bit for bit; and the origin is exact in `f32`.
 pub(crate) fn origin_for([low, high]: Bounds) -> DVec3 {
     let side = (high - low).max_element();
     let away = low.max(-high).max_element();

@@ -9,7 +9,7 @@ use std::alloc::{Layout, handle_alloc_error};
 const CHUNK: usize = 1 << 16;
 
 /// A list of zeros in untouched memory: its pages are first touched by the threads that write it, in parallel. Readers of files book the
-/// memory first; if the system lacks it all the same, the process ends as with `vec!`.
+/// memory first. If the allocation fails nevertheless, the process ends as with `vec!`.
 pub(super) fn zeros<T: Zeroable>(count: usize) -> Vec<T> {
     zeroed(count).unwrap_or_else(|_| match Layout::array::<T>(count) {
         Ok(layout) => handle_alloc_error(layout),

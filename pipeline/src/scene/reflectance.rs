@@ -53,8 +53,8 @@ mod tests {
             let share = curve.at(step as f32 / 100.0);
             assert!((0.04..=0.9).contains(&share), "{share}");
         }
-        // A source of this model has wrong operator precedence, which adds (1 - minimum) * minimum to the whole curve. That gains light at
-        // grazing incidence.
+        // A wrong operator precedence in the formula would add (1 - minimum) * minimum to the whole curve; at grazing incidence more light
+        // would be reflected than arrives.
         let wrong = |away: f32| 0.04 + (1.0 - 0.04) * 0.04 + (1.0 - 0.04) * away.powf(5.0);
         assert!((wrong(0.0) - 0.0784).abs() < 1e-4 && wrong(1.0) > 1.03);
     }

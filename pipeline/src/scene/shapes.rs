@@ -26,7 +26,7 @@ pub struct Placement {
     pub translation: Vec3,
     /// Rotation axis, of any length; length 0 means no rotation.
     pub axis: Vec3,
-    /// Rotation angle in degrees, counter-clockwise for a viewer whom the axis points at.
+    /// Rotation angle in degrees, counter-clockwise for a viewer towards whom the axis points.
     pub degrees: f32,
     /// Scale factors along the axes.
     pub scale: Vec3,
@@ -42,7 +42,7 @@ impl Default for Placement {
 }
 
 impl Placement {
-    /// The orders of the factors T(ranslation), R(otation), S(caling); the first is the usual one.
+    /// The orders of the factors T(ranslation), R(otation), S(caling); the first is the default.
     pub const ORDERS: [&'static str; 6] = ["T_R_S", "T_S_R", "R_T_S", "R_S_T", "S_R_T", "S_T_R"];
 
     /// The matrix of the product.
@@ -89,14 +89,14 @@ impl ShapeKind {
     /// Greatest number of slices, stacks or divisions.
     pub const MOST: u32 = 4096;
 
-    /// Size of the mesh, or for kinds without one of the placed sphere, in bytes.
+    /// Upper bound of the mesh's size in bytes; for kinds without a mesh, the size of a [`PlacedSphere`].
     fn bytes(self) -> u64 {
         let Some((columns, rows)) = self.cells() else { return size_of::<PlacedSphere>() as u64 };
         let (columns, rows) = (u64::from(columns), u64::from(rows));
         32 * (columns + 1) * (rows + 1) + 24 * columns * rows
     }
 
-    /// Columns and rows of its quads; `None` without a mesh.
+    /// Numbers of columns and rows of its quads; `None` without a mesh.
     fn cells(self) -> Option<(u32, u32)> {
         match self {
             Self::Box => Some((6, 1)),

@@ -15,9 +15,10 @@
 //! track     := u16 flags, u32[2], u32 n, (u32 frame, u16 which, f32 for each of its bits, value)[n]
 //! ```
 //!
-//! Positions are in scene coordinates; a mesh that a single node names is drawn at them. Several nodes that name the same mesh are its
-//! instances. Each is placed as its node is in the first frame: at `parent * translation * rotation * scale * -pivot * inverse matrix`.
-//! Angles turn clockwise about their axis. The file contains no normals.
+//! Positions are in scene coordinates; a mesh that a single node names is drawn at these positions. Several nodes that name the same
+//! mesh are its instances. Each instance is placed as its node is in the first frame, by the matrix
+//! `parent * translation * rotation * scale * -pivot * inverse matrix`. Positive angles are clockwise rotations about their axis. The
+//! file contains no normals.
 
 use super::bytes::{Reader, f32_at};
 use super::context::{Context, MaterialTable, add_texture, texture_file_or_suffix};
@@ -158,7 +159,7 @@ fn share(mut reader: Reader<'_>) -> Result<Option<f32>, SceneError> {
     Ok(None)
 }
 
-/// Reads the value of a track's first key; `None` if it has no key.
+/// Reads the value of a track's first key; `None` if the track has no key.
 fn first_key<const N: usize>(mut reader: Reader<'_>) -> Result<Option<[f32; N]>, SceneError> {
     reader.block(10, 1, "the head of a track")?;
     if reader.count("the number of keys")? == 0 {

@@ -1,8 +1,9 @@
 //! Decoded textures with mip levels, and the reference definition of their filtering.
 //!
 //! Texels are used as stored, as in the report's engine, or their colours are decoded from sRGB before filtering
-//! ([`Texture::space`]). `v = 0` is the bottom row, coordinates repeat unless a texture says otherwise, and filtering is trilinear:
-//! bilinear within a mip level, linear between two levels; where the texture is magnified, a texture may ask for its nearest texel.
+//! ([`Texture::space`]). `v = 0` is the bottom row, coordinates repeat unless [`Texture::sampling`] has another wrap mode, and
+//! filtering is trilinear: bilinear within a mip level, linear between two levels. Where the texture is magnified,
+//! [`Texture::sampling`] may select the nearest texel instead.
 
 use crate::color::{self, ColorSpace, DECODED};
 use glam::{Vec2, Vec4};
@@ -114,7 +115,7 @@ pub enum Magnification {
     Nearest,
 }
 
-/// How a texture is read, as the samplers of scene files say.
+/// How a texture is read, as given by the samplers of scene files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Sampling {
     /// Wrap modes along u and v.
@@ -439,7 +440,7 @@ mod tests {
         texels[index as usize]
     }
 
-    /// Bilinear filtering by definition: texel centres, and the wrap mode applied to each index (Vulkan 1.3, section 16.6).
+    /// Bilinear filtering by its definition: texel centres, and the wrap mode applied to each index (Vulkan 1.3, section 16.6).
     fn expected(texels: &[u8], wrap: Wrap, u: f64) -> f64 {
         let count = texels.len() as i64;
         let texel = |index: i64| f64::from(texel(texels, wrap, index)) / 255.0;

@@ -8,7 +8,8 @@ use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 /// Number of bytes after `<?xml` that are searched for the end of an XML declaration.
 const DECLARATION: usize = 1024;
 
-/// Calls `read` with a file's text. Byte positions in errors become lines and columns; those of `read` count bytes of the text as UTF-8.
+/// Calls `read` with a file's text. Errors of `read` have byte positions in the text that it gets, which is UTF-8. In the returned errors
+/// they are converted to lines and columns.
 ///
 /// The encoding is that of the byte order mark, or else of the XML declaration, or else UTF-8 (XML 1.0, appendix F). The names of encodings
 /// are those of the WHATWG's standard: `ISO-8859-1` is read as the Windows-1252 that contains it.

@@ -22,7 +22,7 @@ fn around(turn: f64) -> Vec2 {
     Vec2::new(cos as f32, sin as f32)
 }
 
-/// Height of the land at a place in polar coordinates around the fountain.
+/// Height of the land in the unit direction `way` from the fountain, at distance `radius`.
 fn land(way: Vec2, radius: f32) -> f32 {
     let rolling = fractal(way * 6.0 + Vec2::splat(32.0), 64, 3, 201);
     let bumps = fractal(way * radius / 30.0 + Vec2::splat(64.0), 256, 3, 207) - 0.5;

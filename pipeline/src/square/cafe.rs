@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 
 /// Width of the house, metres: the openings below are laid out for it.
 pub(super) const WIDTH: f32 = 9.6;
-/// How far the large pane lies behind the wall's face, metres.
+/// Local z of the large pane, metres: behind the wall's face at 0.
 pub(super) const PANE: f32 = -0.06;
 const DEPTH: f32 = 6.0;
 const HEIGHT: f32 = 3.35;

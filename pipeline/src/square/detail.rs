@@ -1,4 +1,4 @@
-//! How finely things are built for a wanted number of triangles.
+//! Level of detail for a wanted number of triangles.
 
 /// Level of detail of the parts with a fixed share of the triangles. Paving, roof tiles and leaves use the triangles that remain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

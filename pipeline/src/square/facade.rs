@@ -46,7 +46,7 @@ impl Opening {
 }
 
 /// A wall in the plane `z = 0` from the origin to `size`, without its openings. The sides of all openings cut it into a grid of quads, which
-/// share their vertices and have no T-junctions. The pieces beside arches have vertices of their own.
+/// share their vertices and have no T-junctions. The pieces between an arch and the corners above it have vertices of their own.
 pub(super) fn wall(
     builder: &mut Builder,
     surface: Surface,
@@ -106,7 +106,7 @@ fn spandrel(builder: &mut Builder, surface: Surface, frame: &Frame, corner: Vec3
     }
 }
 
-/// The sides of a hole from `front` back to `back` (both `z`); the bottom only where asked.
+/// The sides of a hole from `front` back to `back` (both are values of `z`); the bottom only if `floor` is true.
 pub(super) fn reveal(
     builder: &mut Builder,
     surface: Surface,
@@ -138,8 +138,8 @@ pub(super) fn reveal(
     });
 }
 
-/// Granite around a hole: jambs, lintel or arch ring, `width` wide and standing `depth` out of the wall. `bare` leaves
-/// out all but the faces seen from the front.
+/// Granite around a hole: jambs, lintel or arch ring, `width` wide and standing `depth` out of the wall. With `bare`,
+/// only the faces that face the front are built.
 pub(super) fn surround(
     builder: &mut Builder,
     frame: &Frame,

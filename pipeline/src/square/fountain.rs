@@ -84,7 +84,7 @@ fn water(builder: &mut Builder, frame: &Frame, height: f32, inner: f32, outer: f
     });
 }
 
-/// From the steps through the water to the upper bowl.
+/// The baluster from the steps through the water to the lower bowl.
 fn shaft(builder: &mut Builder, frame: &Frame, detail: Detail) {
     let round = detail.round(20);
     builder.prism(

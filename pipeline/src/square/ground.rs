@@ -19,12 +19,12 @@ const BED: f32 = 0.03;
 const FIELD: f32 = 7.5;
 /// Width of a band of slabs, metres.
 const BAND: f32 = 0.8;
-/// Distance from the fountain's centre within which its rings replace the fields, along x and z, metres.
+/// Half the side of the square around the fountain in which rings replace the fields, metres.
 const HALF: f32 = 2.0 * FIELD;
 /// The region where single stones are worth building, near the cameras: from and to (x, z), metres.
 const STONES: [Vec2; 2] = [Vec2::new(-6.0, -31.0), Vec2::new(48.5, 33.5)];
 
-/// How much of the paving in [`STONES`] is built stone by stone. All else is flat pieces.
+/// How much of the paving in [`STONES`] is built stone by stone. All other paving consists of flat pieces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Paving {
     /// Nothing: all patches are flat pieces.
@@ -67,7 +67,7 @@ impl Shape {
 }
 
 fn direction(turns: [f32; 2], t: f32) -> Vec2 {
-    // An eighth is met exactly, so that corners of neighbouring patches agree.
+    // At `t` 0 and 1 the angle is an exact multiple of an eighth of a turn, so that corners of neighbouring patches agree.
     let turn = turns[0] + (turns[1] - turns[0]) * t;
     let (cos, sin) = cos_sin(f64::from(turn));
     Vec2::new(cos as f32, sin as f32)
@@ -81,7 +81,7 @@ struct Patch {
     stones: [u32; 2],
     /// Number of flat pieces along `s` and `t`: curved sides need several.
     pieces: [u32; 2],
-    /// Whether the texture is turned by a quarter, as in every other field.
+    /// Whether the texture is rotated by a quarter turn, as in bands along x and in about half of the fields.
     turned: bool,
     near: bool,
 }
@@ -259,7 +259,7 @@ pub(super) fn build(paving: Paving, coarse: bool) -> Builder {
     builder
 }
 
-/// Texture coordinates of a place in metres; turned by a quarter if `turned`.
+/// Texture coordinates, in metres, of a point; rotated by a quarter turn if `turned`.
 fn metres(at: Vec2, turned: bool) -> Vec2 {
     if turned { Vec2::new(at.y + 1.7, at.x) } else { at }
 }

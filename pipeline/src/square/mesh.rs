@@ -36,12 +36,12 @@ impl Frame {
         self.x * local.x + self.y * local.y + self.z * local.z
     }
 
-    /// The same axes at another local point.
+    /// The same axes with the origin at the local point (x, y, z).
     pub(super) fn moved(&self, x: f32, y: f32, z: f32) -> Self {
         Self { origin: self.point(Vec3::new(x, y, z)), ..*self }
     }
 
-    /// The same place, turned about `y` so that the new `z` is the local horizontal direction `(x, z)`.
+    /// The same origin, with the axes rotated about `y` so that the new `z` is the local horizontal direction `(x, z)`.
     pub(super) fn turned(&self, x: f32, z: f32) -> Self {
         Self::facing(self.origin, self.direction(Vec3::new(x, 0.0, z)))
     }

@@ -174,7 +174,7 @@ fn stone(at: Vec2, grain: f32, color: Vec3) -> Vec3 {
     color * (0.84 + 0.24 * fractal(at * 4.0, 4, 3, 27) + 0.06 * (grain - 0.5))
 }
 
-/// Setts of 12 cm in courses, each of its own shade, with sand in the joints.
+/// Setts of 12.5 cm in courses, each of its own shade, with sand in the joints.
 fn setts(at: Vec2, grain: f32, courses: u32, color: Vec3) -> Vec3 {
     let fine = 2 * courses;
     let wobble = Vec2::new(noise(at * fine as f32, fine, 21) - 0.5, noise(at * fine as f32, fine, 22) - 0.5);

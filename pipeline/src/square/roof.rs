@@ -167,7 +167,7 @@ pub(super) struct Roof {
     /// Slope: metres up per metre inwards; 0.466 is 25 degrees.
     pub rise: f32,
     pub kind: Kind,
-    /// What the walls under a gable are made of.
+    /// Material of the walls under a gable.
     pub wall: Surface,
     pub seed: u32,
 }

@@ -277,7 +277,7 @@ fn the_main_camera_looks_at_a_sunlit_fountain() {
     let name = |facet: &Facet| square.scene.objects[facet.object].name.as_str();
     let (_, center) = nearest(&facets, camera.0, camera.1).expect("the centre of the picture is not empty");
     assert_eq!(name(center), "fountain");
-    // Points of the ground around it see the sun, except those in its shadow.
+    // Points of the ground around the fountain are sunlit, except those in the fountain's shadow.
     let mut lit = 0;
     for index in 0..12 {
         let way = math::on_circle(index, 12) * 7.5;

@@ -139,7 +139,7 @@ pub(super) fn build(builder: &mut Builder, detail: Detail) -> Vec<Slope> {
     for house in square_houses() {
         slopes.extend(house.build(builder, detail));
     }
-    // These are seen only from afar, from behind or over other roofs.
+    // These houses are seen only from afar, from behind or over other roofs.
     for house in row(Vec3::new(16.5, 0.0, -36.5), Vec3::Z, NEAR, 9.0, 5) {
         slopes.extend(house.build(builder, detail.lower()));
     }

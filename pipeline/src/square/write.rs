@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Name of the scene's file.
 pub const SCENE_FILE: &str = "largoCamoes.cbo";
-/// Folder of its textures, beside it.
+/// Folder of the scene's textures, in the folder of the scene's file.
 pub const TEXTURE_FOLDER: &str = "Texturas";
 
 impl Painting {

@@ -50,10 +50,10 @@ struct Round {
     textures: u64,
 }
 
-/// Measures a case with every number of threads. Each round uses every number once, so that a machine that slows down affects all
-/// of them alike. Everything is dropped after each opening, so memory holds one scene at a time.
+/// Measures a case with every number of threads. Each round uses every number of threads once, so that a slowdown of the machine affects all
+/// numbers alike. The renderer is dropped after each opening, so memory holds one scene at a time.
 ///
-/// `told` is called before each opening; `observer` makes an observer for it.
+/// `told` is called with the round, from 1, and the number of threads before each opening. `observer` makes an observer for each opening.
 ///
 /// # Errors
 /// If a pool cannot be started, the case cannot be opened, or a frame fails.

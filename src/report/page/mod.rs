@@ -92,7 +92,7 @@ pub fn build(data: &ReportData) -> Page {
     Page { html: page.into_string(), plots: plots.0 }
 }
 
-/// The top of the page, only a title: the answer should be visible without scrolling.
+/// The top of the page, only a title, so that the result is visible without scrolling.
 fn top(data: &ReportData) -> Markup {
     html! {
         header.top {
@@ -350,7 +350,7 @@ fn pixel_samples(data: &ReportData) -> Markup {
     }
 }
 
-/// Names the report's machine beside ours, if the table has the report's figures.
+/// Names the machine of the report of 2014, if the table has figures of that report.
 fn figures_of_2014(rows: &[&BenchRow]) -> Markup {
     let thesis = rows.iter().find_map(|row| row.thesis.as_ref());
     html! {

@@ -148,7 +148,7 @@ fn pictures_list(rows: &[&BenchRow]) -> Markup {
     }
 }
 
-/// A cell with the value by which it is sorted; a dash for `None`.
+/// A cell with the value by which the table's script sorts it; a dash for `None`.
 fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {

@@ -27,7 +27,7 @@ fn curves(case: &ThreadsCase) -> Vec<Curve<'_>> {
             // Copies and writing use a single thread, and get no curve.
             _ => continue,
         };
-        // Steps that take less than a hundredth of a millisecond on any number of threads get no curve.
+        // Steps that take less than 0.01 ms on at least one of the numbers of threads get no curve.
         if step.points.iter().any(|point| point.wall.median < 0.01) {
             continue;
         }

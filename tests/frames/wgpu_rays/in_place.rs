@@ -96,7 +96,7 @@ fn same(name: &str, settings: Settings) -> Renderer {
     if display.exposure == 0.0 && display.tone == Tone::None {
         assert!(colors(&again) == colors(&found), "{name}: what is known of it are its codes");
     }
-    // The files are equal, and so are the findings about their pixels.
+    // The device's file equals the host's. All its pixels are finite, and they do not all have one colour.
     let saved = renderer.render_and_save(&by_device, &mut Silent).expect("written");
     assert_eq!((saved.not_finite, saved.is_blank), (0, false), "{name}");
     assert!(std::fs::read(&by_host).expect("read") == std::fs::read(&by_device).expect("read"), "{name}: the files");

@@ -1,4 +1,5 @@
-//! The ray backend `wgpu` against the processor's: the conformance matrix, and what the backend refuses.
+//! Tests of the ray backend `wgpu`: it computes what the processor's does (the conformance matrix), refuses what it cannot do, and shares a device with
+//! the rasteriser.
 //!
 //! Without an adapter these tests print `skipped: why` and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 

@@ -13,7 +13,7 @@ use egui::{
 use glam::Vec3;
 use std::time::Duration;
 
-/// Radians that the camera turns for each point that the mouse is dragged.
+/// Rotation of the camera, radians, for each point that the mouse is dragged.
 const TURN: f32 = 0.005;
 /// Time after which [`Mode::Flicker`] changes the picture.
 const FLICKER: Duration = Duration::from_millis(500);

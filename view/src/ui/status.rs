@@ -1,4 +1,4 @@
-//! The bar at the bottom: the activity, and every deviation from what was asked for.
+//! The bar at the bottom: the activity, and every deviation from the request, such as fallbacks.
 
 use crate::app::App;
 use crate::theme::{RED, YELLOW, milliseconds};

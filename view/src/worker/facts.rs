@@ -38,11 +38,11 @@ pub struct Facts {
     pub bounds: Option<Bounds>,
     /// The camera [`Self::seen_by`] as an element of a project, or why it cannot be written as one.
     pub camera_xml: Result<String, String>,
-    /// The engines that were asked for.
+    /// The requested choice of engines, in which `auto` is not resolved.
     pub choice: Choice,
-    /// Name and device of the rasteriser.
+    /// Name of the rasteriser, and of its device.
     pub raster: [String; 2],
-    /// Name and device of the ray backend.
+    /// Name of the ray backend, and of its device.
     pub rays: [String; 2],
     /// Everything that was replaced or left out, and every backend that a fallback replaced.
     pub warnings: Vec<String>,

@@ -1,4 +1,4 @@
-//! Sides of a comparison that another renderer makes, on a thread of its own; the window continues meanwhile.
+//! Sides of a comparison that a second renderer makes on a thread of its own, while the window continues.
 
 use super::picture::Picture;
 use super::side::{Obtained, On, Times, What};
@@ -75,7 +75,7 @@ impl Stop {
         }
     }
 
-    /// Makes requests to stop cancel this renderer, too; cancels it at once if a request was made before.
+    /// From now on, a request to stop cancels this renderer, in place of any before. If a request was already made, cancels it at once.
     fn adopt(&self, renderer: &Renderer) {
         *self.renderer() = Some(renderer.cancellation());
         if self.asked.is_cancelled() {
@@ -84,7 +84,7 @@ impl Stop {
     }
 }
 
-/// Sends the result when it is dropped, also after a panic, which has printed its message by then.
+/// Sends the result when this value is dropped, also after a panic, whose message was printed before.
 struct Report {
     to: Sender<Message>,
     made: Made,

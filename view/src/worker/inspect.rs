@@ -24,7 +24,7 @@ pub struct PixelRays {
     pub segments: Vec<Segment>,
 }
 
-/// A ray from its origin to its hit, or to where its drawing ends if it hits nothing.
+/// A ray from its origin to its hit. A ray that hits nothing ends at its `t_max`, or at a quarter of the scene's radius if that is nearer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
     /// `shadow`, `occlusion`, `reflected` or `refracted`.

@@ -178,7 +178,7 @@ pub struct State {
     pub incomparable: Option<String>,
     /// The current step of the renderer that makes a side.
     pub doing: Option<Doing>,
-    /// Values and rays of the pixel, as last collected; `None` if no pixel is asked for or none was collected yet.
+    /// Values and rays of the chosen pixel, as last collected; `None` if no pixel is chosen or nothing was collected yet.
     pub pixel: Option<Arc<PixelRays>>,
     /// Times of the last frames.
     pub history: Arc<History>,
@@ -194,9 +194,9 @@ pub struct State {
     pub told: Option<String>,
     /// Number of frames so far.
     pub frames: u64,
-    /// Number of commands that were taken, each counted after the step that follows it.
+    /// Number of commands that were taken, including replaced ones. A command is counted after the step that follows it.
     pub taken: u64,
-    /// Duration of the last cancellation of a step: from the command that caused it to when the thread took up commands again.
+    /// Duration of the last cancellation of a step: from the command that caused the cancellation until the thread read commands again.
     pub gave_up_after: Option<Duration>,
 }
 
@@ -249,10 +249,10 @@ impl Shared {
         (self.wake)();
     }
 
-    /// Puts a picture that the window will show onto the window's device, if that is known.
+    /// Uploads a picture that the window will show to the window's device, if the device is known.
     fn put(&self, picture: &Picture) {
         if let Some(device) = self.device.get() {
-            // The window asks again, and shows the error.
+            // The window uploads the picture again, and shows the error.
             let _ = picture.on(device);
         }
     }
@@ -281,13 +281,13 @@ impl Worker {
         Ok(Self { messages, sent: AtomicU64::new(0), shared, thread: Some(thread) })
     }
 
-    /// From now on the thread puts its pictures onto this device, before the window sees them. The window itself does so with earlier pictures.
+    /// From now on the thread uploads its pictures to this device before the window gets them. The window itself uploads earlier pictures.
     pub(crate) fn draw_on(&self, device: Device) {
         // A worker has one window.
         let _ = self.shared.device.set(device);
     }
 
-    /// Sends a command. Cancels the current step if the command makes its picture obsolete.
+    /// Sends a command. Cancels the current step if the command makes the step's picture obsolete.
     pub fn send(&self, command: Command) {
         let outdates = command.outdates();
         self.sent.fetch_add(1, Ordering::Relaxed);
@@ -333,7 +333,7 @@ impl Drop for Worker {
 /// The main loop of the thread: takes the commands, does one step, and repeats.
 fn work(mut session: Session, inbox: &Receiver<Message>) {
     loop {
-        // This comes first: commands sent from here on may cancel the step below, which is then repeated.
+        // `begin` comes first: commands sent after it may cancel the step below, which is then repeated.
         session.begin();
         let mut messages: Vec<Message> = Vec::new();
         let first = match session.patience() {

@@ -23,12 +23,12 @@ pub(super) struct Lets {
     pub size: bool,
 }
 
-/// Chooses the quality of frames while the camera moves, from the durations of the last frames. It is kept from one move to the next.
+/// Chooses the quality of frames while the camera moves, from the durations of the last frames. The quality is kept from one move to the next.
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     level: usize,
-    /// Shortest duration and number of the latest consecutive frames that were too slow; `None` if the last one was not. `quick` is the number
-    /// of the latest consecutive frames that were fast enough for the next better level.
+    /// Shortest duration and number of the latest consecutive frames that were too slow; `None` if the last frame was not too slow. The field
+    /// `quick` counts the latest consecutive frames that were fast enough for the next better level.
     slow: Option<(Duration, u32)>,
     quick: u32,
 }
@@ -55,7 +55,7 @@ impl Pace {
             return;
         }
         self.slow = None;
-        // The next better level takes about four times as long, and must stay below the limit, too.
+        // The next better level takes about four times as long, and must stay below the limit `SMOOTH`, too.
         self.quick = if 5 * took < SMOOTH { self.quick + 1 } else { 0 };
         if self.quick == 3 {
             self.quick = 0;

@@ -21,13 +21,13 @@ pub struct Picture {
     pub whole: [u32; 2],
     /// Names of the four components of a pixel.
     pub components: [&'static str; 4],
-    /// The colours on the screen: those of the PNG file that `render` writes. They are put onto the window's device unchanged.
+    /// The colours on the screen: those of the PNG file that `render` writes. They are uploaded to the window's device unchanged.
     pub shown: Arc<ColorImage>,
     on_device: OnDevice,
 }
 
 impl Picture {
-    /// A picture shown at its own size, with colours as the window's picture has them; for example one from a file.
+    /// A picture that is shown at its own size and whose values are colours, as in the window's picture: for example a picture from a file.
     #[must_use]
     pub fn of_window(name: impl Into<String>, image: Image, display: Display) -> Self {
         let (shown, whole) = (shown(&image, display), [image.width, image.height]);
@@ -64,8 +64,8 @@ impl Picture {
         Self { name: name.into(), image, whole, components, shown, on_device: OnDevice::default() }
     }
 
-    /// The picture's texture, which is the picture's alone as long as this exists. The first caller puts the picture onto the device; others wait
-    /// for that.
+    /// The picture's texture, which no other picture uses as long as this value exists. The first caller uploads the picture to the device; other
+    /// callers wait for the upload.
     ///
     /// # Errors
     /// If the device cannot hold the picture.

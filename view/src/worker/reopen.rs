@@ -31,7 +31,8 @@ impl Session {
             self.opening = true;
             return Ok(());
         };
-        // Moved cameras are set again in the project as its files have it, so that reading the files again keeps these poses.
+        // If files are watched, the new renderer starts from the project as its files have it, and the poses of moved cameras are set afterwards. A
+        // later reload then keeps these poses.
         let (mut project, settings) = (renderer.project().clone(), renderer.settings().clone());
         if self.source.watch {
             project = settings.open(&self.source.path).map_err(|error| error.to_string())?;

@@ -1,4 +1,4 @@
-//! State of the renderer's thread: the pending work, and everything that was asked for.
+//! State of the renderer's thread: the requests in force, and the pending work.
 
 use super::facts::{Facts, PassTimes, camera_in_use};
 use super::far::Job;
@@ -24,7 +24,7 @@ const REST: Duration = Duration::from_millis(150);
 pub(super) struct Session {
     pub source: Source,
     pub shared: Arc<Shared>,
-    /// Sends messages to this thread itself, from the threads that it starts.
+    /// Sends messages to the renderer's thread; the threads that it starts get clones.
     pub messages: Sender<Message>,
     pub renderer: Option<Renderer>,
     pub choice: Choice,

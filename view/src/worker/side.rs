@@ -70,7 +70,7 @@ impl Side {
         Self::Rendered { what, on: On::Here }
     }
 
-    /// Whether another renderer than the window's has to make this side.
+    /// Whether a renderer other than the window's has to make this side.
     #[must_use]
     pub fn is_far(&self) -> bool {
         matches!(self, Self::Reference | Self::Rendered { on: On::Raster(_) | On::Rays(_), .. })

@@ -9,7 +9,8 @@ use super::side::{Obtained, On, Side, Times, What};
 use std::sync::Arc;
 
 impl Session {
-    /// Changes the sides. A side that stays the same is not obtained again, nor are swapped sides unless another renderer is at work on one.
+    /// Changes the sides. A side that stays the same is not obtained again. Sides that are only swapped while no job runs are not obtained again
+    /// either.
     pub fn set_sides(&mut self, sides: Option<[Side; 2]>) {
         if let (Some([left, right]), Some([now_left, now_right]), None) = (&self.sides, &sides, &self.job)
             && (left, right) == (now_right, now_left)
@@ -61,7 +62,7 @@ impl Session {
             *due |= renewed;
         }
         self.compare_due = true;
-        // Another renderer may take long to make its picture. Until then, the metrics would belong to other settings.
+        // Another renderer may take long to make its picture. Until the picture exists, the present metrics would belong to other settings.
         if sides.iter().zip(renewed).any(|(side, renewed)| renewed && side.is_far()) {
             self.shared.change(|state| (state.compared, state.incomparable) = (None, None));
         }

@@ -61,7 +61,8 @@ impl Session {
                 _ => Activity::Resting,
             });
         } else if lock(&self.shared.state).activity == Activity::Resting {
-            // Reported before the commands are counted as taken: otherwise a caller that waits for rest would see the rest before its command.
+            // Reported before the commands are counted as taken: otherwise a caller that waits until its command is taken and the thread rests
+            // would see the earlier state of rest.
             self.tell_activity(Activity::Rendering);
         }
     }
@@ -72,7 +73,7 @@ impl Session {
         }
     }
 
-    /// Allows the step to be cancelled from here on.
+    /// Allows commands to cancel the current step from now on.
     fn may_be_given_up(&self) {
         lock(&self.shared.busy).since = Some(Instant::now());
     }
@@ -197,7 +198,7 @@ impl Session {
 
     /// What may be reduced while the camera moves.
     fn lets(&self) -> Lets {
-        // A crop refers to the full size.
+        // A crop is given in pixels of the full size, so a cropped picture keeps its size.
         let size = self.renderer.as_ref().is_some_and(|renderer| renderer.settings().crop.is_none());
         let samples = self
             .renderer

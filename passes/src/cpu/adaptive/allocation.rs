@@ -1,7 +1,7 @@
-//! How many paths each pixel is given.
+//! Allocation of paths to pixels.
 //!
-//! A pixel has two halves, A and B, of equally many independent paths; its colour is the mean of the two halves' means. The error needs no
-//! model: (A - B) / 2 has the variance of (A + B) / 2.
+//! A pixel has two halves of equally many independent paths. Where A and B are the mean colours of the halves, the pixel's colour is (A + B) / 2.
+//! The error needs no model: (A - B) / 2 has the variance of (A + B) / 2.
 //!
 //! In each round, some pixels get twice as many paths: first those where one more path reduces the squared error most. If the squared error
 //! falls as a power of the number of paths, this reduction is the squared error over that number, times the power. The allocation is best
@@ -36,7 +36,7 @@ const QUANTILE: f64 = 2.0;
 pub(super) struct Sampled {
     /// Its index in the picture.
     pub index: u32,
-    /// Whether rough or dispersive glass divided a path of this pixel into several ways; else its paths differ only by Russian roulette.
+    /// Whether rough or dispersive glass divided a path of this pixel into several ways; if not, its paths differ only by Russian roulette.
     pub divided: bool,
     /// Sums of the colours of the paths of each half.
     pub sums: [DVec3; 2],
@@ -78,8 +78,8 @@ pub(super) fn most_of_half(paths: u32) -> u32 {
     1 << (paths / 2).max(2).ilog2()
 }
 
-/// For each pixel, whether its number of paths is doubled; a half gets at most `most`. `reached` is the bound of the error after the last
-/// round, relative to the error that was asked for. The pixels are in the order of their index, in a picture of this width.
+/// For each pixel, whether its number of paths is doubled; a half gets at most `most`. `pixels` must be in ascending order of their index, in a
+/// picture of width `width`. `reached` is the bound of the error after the last round, relative to the error that the job requests.
 pub(super) fn doubled(pixels: &[Sampled], width: u32, most: u32, reached: f64) -> Vec<bool> {
     let mut squares: Vec<f64> =
         pixels.par_iter().map(|pixel| square_of_path(pixels, pixel, i64::from(width))).collect();
@@ -89,7 +89,8 @@ pub(super) fn doubled(pixels: &[Sampled], width: u32, most: u32, reached: f64) -
     }
     let mut order: Vec<usize> = (0..pixels.len()).filter(|place| pixels[*place].count < most).collect();
     order.par_sort_unstable_by(|one, other| squares[*other].total_cmp(&squares[*one]).then(one.cmp(other)));
-    // With Sobol points, the squared error falls at best as the number of paths to the power of -1.5.
+    // With Sobol points, the squared error falls at best as the number of paths to the power of -1.5. So `share` is the least share of additional
+    // paths that can reach the requested error.
     let [low, high] = ROUND;
     let share = ((reached * reached).cbrt().powi(2) - 1.0).clamp(low, high);
     let mut more = (share * pixels.iter().map(|pixel| f64::from(pixel.count)).sum::<f64>()).max(1.0);
@@ -141,9 +142,9 @@ pub(super) fn error(pixels: &[Sampled]) -> Error {
     let mean = sum / count;
     // Twice the relative variance of the sum: the true squared errors scatter like the estimated ones, and independently of them.
     let seen = if sum > 0.0 { 2.0 * squares / (sum * sum) } else { 0.0 };
-    // The squares of few pixels do not show their own scatter. For normal variables, the mean fourth power is 3 times the squared variance
-    // (a pixel whose channels vary together). The last factor keeps the bound above the quantile of the ratio of two such means for one, two
-    // and three pixels.
+    // With few pixels, this variance is itself uncertain, so it has a lower bound. For normal variables, the mean fourth power is 3 times the
+    // squared variance (a pixel whose channels vary together). The last factor keeps the bound above the quantile of the ratio of two such means
+    // for one, two and three pixels.
     let least = 6.0 / count * (1.0 + 1.0 / count);
     Error { estimate: mean.sqrt(), bound: (mean * (QUANTILE * seen.max(least).sqrt()).exp()).sqrt() }
 }

@@ -23,8 +23,8 @@ use rayon::prelude::*;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Greatest number of branches that the first dividing surface of a path follows at once. For further branches, the path up to that surface
-/// is followed again.
+/// Greatest number of ways that a path follows at once from the first surface that divides it. For further ways, the path up to that surface is
+/// followed again.
 const WAYS: u32 = 4;
 
 /// Number of steps in which the progress towards the error is counted.
@@ -33,7 +33,7 @@ const PARTS: u64 = 1000;
 /// Pixels that a thread takes at a time.
 const PIXELS: usize = 16;
 
-/// The error that a job asks for; `None` if it asks for none, or if no glass of its scene is stochastic.
+/// The error that a job requests; `None` if it requests none, or if no glass of its scene is stochastic.
 pub(super) fn asked(job: &RayJob<'_>) -> Option<f32> {
     let error = job.program.sampled_to(&job.params).filter(|_| job.fidelity == Fidelity::Corrected)?;
     job.program.has_stochastic_glass(&job.params, job.dielectrics).then_some(error)
@@ -78,7 +78,7 @@ fn trace_pass<T: Tracer, C: Coverage>(
     }
 }
 
-/// Samples all pixels. `shown` returns the mean colour of the paths of a sample.
+/// Samples all pixels. `tile` is called for each tile before its pixels. `shown` returns the mean colour of the paths of a sample.
 fn sample<T: Tracer, C: Sync>(
     pass: &Pass<'_, T, C>,
     error_asked: f32,
@@ -107,7 +107,7 @@ fn sample<T: Tracer, C: Sync>(
     let mut pixels = marked(&marks, output).map_err(refused)?;
     drop(marks);
     let width = output.width;
-    // Follows paths until each pixel has `count(place, pixel)` in each half; `place` is its index in the list.
+    // Follows paths until each pixel has `count(place, pixel)` paths in each half; `place` is the pixel's index in `pixels`.
     let sample_to = |pixels: &mut [Sampled], count: &(dyn Fn(usize, &Sampled) -> u32 + Sync)| {
         let each = |(place, pixel): (usize, &mut Sampled)| {
             let count = count(place, pixel);
@@ -161,11 +161,12 @@ fn sample<T: Tracer, C: Sync>(
     Ok(RayStats { rays, adaptive: Some(spent), ..RayStats::default() })
 }
 
-/// Follows paths until both halves of a pixel have `count`. `follow(half, first, ways)` returns the mean of `ways` paths of a half, from path
-/// `first` on, and what they met.
+/// Follows paths until both halves of a pixel have `count`. `follow(half, first, ways)` returns the mean colour of `ways` paths of a half, from
+/// path `first` on, and the stochastic events that the paths met.
 fn fill(pixel: &mut Sampled, count: u32, mut follow: impl FnMut(u32, u32, u32) -> ([f32; 4], Met)) {
     for half in [0, 1] {
-        // The first path of the first half was followed in the pass over all pixels.
+        // The pass over all pixels follows one path, of the first half only. So the count 1 means no path of the second half; all later counts are
+        // even.
         let mut first = if half == 0 { pixel.count } else { pixel.count & !1 };
         while first < count {
             let ways = if pixel.divided { WAYS.min(count - first).min(first.max(1)) } else { 1 };
@@ -194,7 +195,7 @@ fn marked(marks: &[AtomicU8], output: &Image) -> Result<Vec<Sampled>, Refused> {
     Ok(pixels)
 }
 
-/// Where the pixel of this index is.
+/// The pixel of this index in a picture of this width.
 fn place_of(index: u32, width: u32) -> Pixel {
     Pixel { x: index % width, y: index / width, index: index as usize }
 }

@@ -155,7 +155,7 @@ impl Pictures {
         self.sums.iter().map(variance).collect()
     }
 
-    /// Mean squared difference to other pictures, in standard errors: 1 if the means are alike. Values without noise are left out.
+    /// Mean squared difference to other pictures, in units of the squared standard error: 1 if the means agree. Values without noise are left out.
     fn score(&self, others: &Self) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         let means = self.mean().into_iter().zip(others.mean());

@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 /// A point of the light, seen from a point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
-    /// Unit direction to it.
+    /// Unit direction to the point of the light.
     direction: Vec3,
     /// Distance; infinite for a directional light.
     distance: f32,
@@ -106,8 +106,8 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         arriving * self.visible(hit, surface, &seen, work)
     }
 
-    /// The share of the light that arrives from one of its points: 0 where the surface is in its own shadow and behind opaque
-    /// surfaces (with `glass_stops`, behind glass too). Clear panes and other glass dim it.
+    /// The share of the light that arrives from one of its points: 0 where the surface is in its own shadow, and behind opaque surfaces (with
+    /// `glass_stops`, behind glass too). Clear panes and other glass dim the light.
     fn visible(&self, hit: &Hit, surface: &Surface, seen: &Seen, work: &mut Workspace) -> f32 {
         let pass = self.pass;
         let passes = |kind: SurfaceKind| kind.passes_light() && !(self.glass_stops && kind == SurfaceKind::Glass);

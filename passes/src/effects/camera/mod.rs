@@ -5,8 +5,7 @@
 //! sequence (`sampling::paths`). The programs differ in how they shade the surface that a ray hits. They exist in
 //! corrected fidelity only.
 //!
-//! From the ground up: `eye`, ray origins; `light`, the light at a point; `bounce`, directions after a bounce; `whitted`
-//! and `paths`.
+//! Modules, lower layers first: `eye`, ray origins; `light`, the light at a point; `bounce`, directions after a bounce; `whitted` and `paths`.
 
 mod bounce;
 mod eye;
@@ -36,7 +35,7 @@ const CLEAR: f32 = 0.8;
 /// Factor of a shadow ray at each glass surface.
 const SHADOW_GLASS: f32 = 0.95;
 
-/// A pass, with the inputs that camera programs have beside it.
+/// A pass, with the further inputs of camera programs.
 struct Walk<'p, 'a, T, C> {
     pass: &'p Pass<'a, T, C>,
     camera: FromCamera<'a>,
@@ -109,7 +108,7 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         self.pass.base_color(hit, footprint) * share + self.pass.glow(hit, footprint)
     }
 
-    /// 1 where one direction of the hemisphere is open up to the radius, else 0.
+    /// 1 if one sampled direction of the hemisphere is open up to the radius, else 0.
     fn open(&self, (ray, hit): (&Ray, &Hit), footprint: impl Footprint, points: &Points, work: &mut Workspace) -> Vec3 {
         let surface = self.pass.surface_hit(ray, hit, footprint);
         let way = Basis::around(surface.normal).to_world(cosine(points.at(Place::Bounce(0))));

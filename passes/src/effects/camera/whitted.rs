@@ -64,7 +64,8 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         }
     }
 
-    /// The colour that the next ray sees, which leaves the surface `from` with this direction and cone; black after the last bounce.
+    /// The colour along the next ray, which leaves the surface `from` with this direction and cone; black after the last bounce. `weight` is the
+    /// ray's weight, for tracers that record it.
     fn after(
         &self,
         from: &Surface,

@@ -17,8 +17,8 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     pixel_of(pass, pixel, AllWays, work)
 }
 
-/// One sample of [`pixel`]; the mean of samples over all ways is the pixel's colour. Where a sample notes nothing stochastic, it equals that
-/// colour to the bit.
+/// One sample of [`pixel`]; the mean of samples over all ways is the pixel's colour. A sample without stochastic events equals that colour to the
+/// bit.
 pub fn sample<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     pixel: Pixel,
@@ -70,7 +70,7 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     }
 }
 
-/// Whether the colour of light behind glass matters, by the kind of shadow that the job asks for.
+/// Whether the colour of light behind glass matters, by the kind of shadow that the job requests.
 fn matters<T, C>(pass: &Pass<'_, T, C>) -> bool {
     matches!(pass.job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic)
 }

@@ -1,4 +1,4 @@
-//! The program in corrected fidelity: it mends the differences that the text of `effects` numbers.
+//! The program in corrected fidelity: it corrects the differences that are numbered in the documentation of `effects`.
 
 use crate::effects::light::SHADOWED;
 use crate::effects::lights::{Asked, Shading, Way};
@@ -43,7 +43,7 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
         let Some(((surface, _), triangle)) = known.surface.zip(pass.triangle(pixel)) else { return (None, None) };
         let facing = lit_side(&surface, pass.normal(pixel));
         if pass.is_turned(triangle, surface.point(), (facing, pass.to_light)) {
-            // A pixel whose triangle is turned away may still be lit if the surface is round: it is left to compute its own light.
+            // A pixel whose triangle faces away may still be lit if the surface is round: it is left to compute its own light.
             let is_dark = facing.dot(pass.to_light) > 0.0 || pass.job.scene.geometry.normals.is_empty();
             return (is_dark.then_some(SHADOWED), None);
         }
@@ -55,8 +55,7 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
 }
 
-/// The lit side of a surface: the one that the stored normal looks to, because the pixel's colour was lit by that
-/// normal.
+/// The lit side of a surface: the side on which the stored normal lies, because the pixel's colour was lit by that normal.
 pub(super) fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
@@ -86,8 +85,8 @@ pub(super) fn asked<'s>(surface: &'s Surface, Side { facing, id, shading }: Side
     Asked { point: surface.point(), facing, id, shading, key }
 }
 
-/// A colour times the light's share and the ambient occlusion on a side of the surface. Either of the two that `known` lacks is computed. Black
-/// and the colour of a sky are returned unchanged, without a ray.
+/// A colour times the light's share and the ambient occlusion on a side of the surface. The light or the occlusion is computed if `known` lacks it.
+/// Black and the colour of a sky are returned unchanged, without a ray.
 pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,

@@ -133,8 +133,7 @@ fn what_a_mirror_shows_is_lit_and_shadowed_on_the_viewers_side() {
     let (pixel, rays) = look(&world, Corrected, params);
     assert_close(pixel, 0.9 * world.lit(paint, 1.0), 1e-6, "lit through the pane");
     assert_eq!((rays.reflected, rays.refracted, rays.shadow), (1, 0, 1));
-    // The report's program turns the normal away from the viewer, and so from the light: ambient light only, and glass
-    // takes nothing.
+    // The report's program flips the normal away from the viewer, and so from the light: ambient light only, and glass takes nothing.
     let (pixel, _) = look(&world, Thesis, params);
     assert_close(pixel, world.lit(paint, 0.0), 1e-6, "lit on the wrong side");
 }
@@ -165,7 +164,7 @@ fn occlusion_darkens_glass_itself_in_thesis_only() {
     let (mut world, paint, params) = mirror(0.9);
     let (clear, _) = look(&world, Corrected, params);
     let (clear_thesis, _) = look(&world, Thesis, params);
-    // A post on the pane, right behind the pixel, out of the way of the mirrored ray.
+    // A post on the pane, right behind the point that the pixel shows, and not in the path of the mirrored ray.
     let x = -1.0 + 70f32.to_radians().tan();
     world.quad(paint, Vec3::new(x, 0.2, 0.0), Vec3::X, Vec3::Z * 0.5);
     let params = RayParams { samples: 100, radius: 0.5, intensity: 1.6, ..params };
@@ -182,7 +181,7 @@ fn glass_blends_by_fresnel_weights_as_refraction_does() {
     world.quad(ground, Vec3::Z * -3.0, Vec3::X * 90.0, Vec3::Y * 90.0);
     let (pixel, rays) = look(&world, Corrected, params);
     let r = fresnel(70f32.to_radians().cos(), 1.5).reflectance;
-    // Light comes from below. The ground hides the wall from it, and the ground's upper side is turned away from it.
+    // Light comes from below. The ground hides the wall from it, and the ground's upper side faces away from it.
     let expected = r * 0.5 * world.lit(paint, 1.0) + (1.0 - r) * 0.5 * world.lit(ground, 0.0);
     assert_close(pixel, expected, 2e-6, "blend");
     assert_eq!((rays.reflected, rays.refracted, rays.shadow), (1, 1, 1));

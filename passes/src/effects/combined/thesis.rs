@@ -26,8 +26,8 @@ fn light_share<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, position: Vec3, wo
     if pass.thesis_sees_light(position, |hit| !pass.passes_light(hit)) { 1.0 } else { SHADOWED }
 }
 
-/// The report's `closest_hit`. It hands `faceforward` the ray's direction where the other programs hand it the
-/// opposite. So the normal looks away from the viewer, both for the light and for the occlusion hemisphere.
+/// The report's `closest_hit`. It passes the ray's direction to `faceforward` where the other programs pass the opposite direction. So the normal
+/// faces away from the viewer, both for the light and for the occlusion hemisphere.
 fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, work: &mut Workspace) -> Vec3 {
     let (geometric, shading) = pass.thesis_normals(hit);
     let normal = face_forward(shading, ray.direction, geometric);

@@ -9,7 +9,7 @@ use glam::Vec3;
 /// The light's share, alpha 1.
 ///
 /// The colour was lit by the shading normal's cosine. So the shaded side is that of the shading normal if the scene has
-/// vertex normals, and else the viewer's. A triangle turned away from the light is in its own shadow, without a ray,
+/// vertex normals, and else the viewer's. A triangle facing away from the light is in its own shadow, without a ray,
 /// unless the round surface that it approximates faces the light (`effects::terminator`).
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let share = match light(pass, pixel) {

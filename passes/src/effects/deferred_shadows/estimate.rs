@@ -28,7 +28,7 @@ pub(super) struct Sketch {
     pub(super) shown: [u16; PARTS],
     /// Shown pixels whose triangle is not in the list yet.
     left: [u16; PARTS],
-    /// Pixels whose triangle is turned away from the light.
+    /// Pixels whose triangle faces away from the light.
     pub(super) dark: [u16; PARTS],
     /// The triangles that the tile shows; `faces` has their geometry, sixteen triangles a vector.
     triangles: [u32; MOST],
@@ -170,7 +170,7 @@ impl Sketch {
         Some(Vec3::from_array(extent.map(|extent| simd.wide_most(extent))))
     }
 
-    /// Prepares sixteen triangles. Returns the mask of those turned away from the light, and the mask of those for
+    /// Prepares sixteen triangles. Returns the mask of those facing away from the light, and the mask of those for
     /// which that is uncertain.
     #[inline(always)]
     fn triangles_of<S: Simd>(

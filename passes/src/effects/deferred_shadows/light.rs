@@ -17,7 +17,7 @@ pub(super) enum Light {
     Certain(f32),
     /// A shadow ray from this origin.
     Ray(Vec3),
-    /// Two rays, for a point whose triangle is turned away from the light although the round surface that it approximates is not.
+    /// Two rays, for a point whose triangle faces away from the light although the round surface that it approximates does not.
     Lifted(Lifted),
 }
 

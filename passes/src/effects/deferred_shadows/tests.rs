@@ -80,7 +80,7 @@ fn a_triangle_turned_away_from_the_light_is_in_its_own_shadow_without_a_ray() {
 
 #[test]
 fn the_side_is_that_of_the_vertex_normals_where_there_are_any() {
-    // A floor seen from below, whose normals look up to the light: lit from above.
+    // A floor seen from below, whose normals point up to the light: lit from above.
     let mut world = World::lit_along(Vec3::new(0.2, -1.0, 0.0));
     let paint = world.paint(Vec3::splat(0.5));
     world.quad(paint, Vec3::ZERO, Vec3::X, Vec3::Z);

@@ -24,7 +24,7 @@ const FEW: usize = 7;
 pub struct Tile {
     /// One bit a pixel, by part: pixels in shadow.
     dark: [u16; PARTS],
-    /// Pixels in shadow whose triangle is turned away from the light.
+    /// Pixels in shadow whose triangle faces away from the light.
     turned: [u16; PARTS],
     sketch: Box<Sketch>,
     decided: Box<Decided>,
@@ -100,8 +100,8 @@ impl Tile {
         rays + self.lift(pass, area)
     }
 
-    /// Lights the pixels whose triangle is turned away from the light although the round surface that it approximates is not.
-    /// Returns the number of rays.
+    /// Lights the pixels whose triangle faces away from the light although the round surface that it approximates does not. Returns the number of
+    /// rays.
     fn lift<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let mut rays = 0;
         if pass.job.scene.geometry.normals.is_empty() {
@@ -281,7 +281,7 @@ impl<T: Tracer, C: Coverage> Kernel<()> for Rays<'_, T, C> {
 
 /// One bit a pixel.
 struct Sides {
-    /// Pixels whose triangle is turned away from the light.
+    /// Pixels whose triangle faces away from the light.
     dark: u16,
     /// Pixels for which `dark` or the ray's origin is uncertain.
     doubtful: u16,

@@ -1,29 +1,31 @@
 //! Refraction of parallel light by a sphere of glass, in a plane that contains the axis: closed forms, in `f64`.
 //!
-//! The sphere has radius 1 and its centre at the origin; light travels along the axis z. A ray with the angle of incidence i meets the
-//! sphere at the distance sin i from the axis. It leaves the sphere turned by delta = 2 (i - t) towards the axis, where sin t = sin i / n,
-//! and its line still passes the centre at the distance sin i. So it passes a point (x, z) of its plane at the distance
+//! The sphere has radius 1, its centre at the origin and the index of refraction n; light travels along the axis z. A ray with the angle of
+//! incidence i meets the sphere at the distance sin i from the axis. When it leaves the sphere it is deflected by delta = 2 (i - t) towards the
+//! axis, where sin t = sin i / n, and its line again passes the centre at the distance sin i. So its signed distance from a point (x, z) of its
+//! plane is
 //!
 //! ```text
 //! m(i) = x cos delta + z sin delta - sin i
 //! ```
 //!
-//! and where m = 0 it lights the point with T sin i cos i / (|x| |dm/di|) times the light's irradiance across its direction: the ratio of
-//! the areas of a tube of light before and behind the sphere, times the share T that is transmitted. That is infinite on caustics, where
-//! dm/di or x is 0. What is computed is the mean over a disc of some width across the ray, which is finite everywhere and keeps the sum.
+//! Where m = 0, the irradiance at the point across the ray is T sin i cos i / (|x| |dm/di|) times the irradiance of the light across the axis: the
+//! ratio of the cross sections of a tube of light before and behind the sphere, times the share T that is transmitted. This factor is infinite on
+//! caustics, where dm/di or x is 0. What is computed is its mean over a disc perpendicular to the ray, which is finite everywhere and conserves
+//! power.
 
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Number of steps of the angle of incidence. Within each step, an extremum of m is looked for.
+/// Number of equal intervals of the angle of incidence, from 0 to a right angle. Each interval is searched for an extremum of m.
 pub const CELLS: usize = 64;
 
-/// Number of points of a quadrature. Lit points so near to the axis that rays of all sides reach them take [`POINTS_AT_AXIS`].
+/// Number of points of a quadrature. For lit points so near to the axis that rays from all sides reach them, it is [`POINTS_AT_AXIS`].
 pub const POINTS: usize = 8;
 /// See [`POINTS`].
 pub const POINTS_AT_AXIS: usize = 32;
 
-/// Refraction by a sphere of this index, above 1.
+/// Refraction by a sphere of one index of refraction, above 1.
 #[derive(Debug, Clone)]
 pub struct Ball {
     index: f64,
@@ -31,7 +33,7 @@ pub struct Ball {
     points: [Vec<DVec2>; 2],
 }
 
-/// A ray that has passed the sphere.
+/// A ray that has passed through the sphere, in its plane of incidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turned {
     /// Sine and cosine of the angle of incidence. The sine is also the distance at which the ray passes the centre.
@@ -40,47 +42,47 @@ pub struct Turned {
     pub cos: f64,
     /// Cosine of the angle of refraction, inside the sphere.
     pub inner: f64,
-    /// Direction in which the ray leaves: x is away from the axis, on the side where the ray met the sphere.
+    /// Unit direction in which the ray leaves: x is away from the axis, on the side where the ray met the sphere; y is along the axis.
     pub direction: DVec2,
-    /// Derivative of the ray's turn, delta, by the angle of incidence.
+    /// Derivative of the ray's deflection, delta, with respect to the angle of incidence.
     rate: f64,
 }
 
 impl Turned {
-    /// The ray of an angle of incidence, behind a sphere of this index.
+    /// The ray of an angle of incidence in radians, behind a sphere of this index.
     #[must_use]
     pub fn at(incidence: f64, index: f64) -> Self {
         let (sin, cos) = incidence.sin_cos();
         let inner_sin = sin / index;
         let inner = (1.0 - inner_sin * inner_sin).sqrt();
-        // Sine and cosine of i - t; the ray turns by twice that.
+        // Sine and cosine of i - t; the ray is deflected by twice that angle.
         let (half_sin, half_cos) = (sin * inner - cos * inner_sin, cos * inner + sin * inner_sin);
         let direction = DVec2::new(-2.0 * half_sin * half_cos, half_cos * half_cos - half_sin * half_sin);
         Self { sin, cos, inner, direction, rate: 2.0 * (1.0 - cos / (index * inner)) }
     }
 
-    /// Derivative of the ray's turn, delta, by the angle of incidence.
+    /// Derivative of the ray's deflection, delta, with respect to the angle of incidence.
     #[must_use]
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// Signed distance at which the ray passes a point: m of the module's text.
+    /// Signed distance of the ray from a point: m of the module's documentation.
     fn miss(&self, at: DVec2) -> f64 {
         at.x * self.direction.y - at.y * self.direction.x - self.sin
     }
 
-    /// Derivative of m by the angle of incidence.
+    /// Derivative of m with respect to the angle of incidence.
     fn miss_rate(&self, at: DVec2) -> f64 {
         self.rate * self.along(at) - self.cos
     }
 
-    /// How far along the ray a point lies, from where the ray passes the centre.
+    /// Coordinate of a point along the ray, from where the ray's line is nearest to the centre.
     fn along(&self, at: DVec2) -> f64 {
         at.dot(self.direction)
     }
 
-    /// Whether a point lies behind the sphere, as the ray sees it.
+    /// Whether a point lies beyond the ray's exit from the sphere, measured along the ray.
     fn reaches(&self, at: DVec2) -> bool {
         self.along(at) > self.cos
     }
@@ -97,12 +99,14 @@ impl Turned {
         self.sin * DVec2::new(self.direction.y, -self.direction.x) + self.cos * self.direction
     }
 
-    /// Half of the range of angles by which the ray may be turned about the axis and still pass the point nearer than `width`.
+    /// Half of the range of angles by which the ray may be rotated about the axis and still pass the point nearer than `width`; at most a right
+    /// angle.
     ///
-    /// Turned by psi, with u = 1 - cos psi, the ray passes the point at a distance D with D² = x² (2u - u²) + (m - x u cos delta)².
+    /// Rotated by psi, with u = 1 - cos psi, the ray passes the point at a distance D with D² = x² (2u - u²) + (m - x u cos delta)².
     fn half_angle(&self, at: DVec2, width: f64) -> f64 {
         let (miss, x, c, s) = (self.miss(at), at.x, self.direction.y, self.direction.x);
-        // The ray is near enough where a u² - b u + c0 > 0, for u from 0 to 1. The other half of the circle belongs to the ray of the other side.
+        // The ray is near enough where a u² - b u + c0 > 0, for u from 0 to 1. Rotations by more than a right angle belong to the ray on the other
+        // side of the axis.
         let (a, b, c0) = (x * x * s * s, 2.0 * x * (x - miss * c), (width - miss) * (width + miss));
         let discriminant = b * b - 4.0 * a * c0;
         if discriminant < 0.0 || (b <= 0.0 && c0 >= 0.0) {
@@ -121,14 +125,14 @@ impl Turned {
     }
 }
 
-/// Rays that are neighbours, and reach a point together.
+/// Rays of adjacent angles of incidence that reach a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bundle {
-    /// The mean of its rays.
+    /// The ray of the mean angle of incidence, weighted by the irradiance without losses.
     pub ray: Turned,
     /// 1 if the rays met the sphere on the point's side of the axis, -1 if they met it on the other side.
     pub side: f64,
-    /// Irradiance across the bundle's direction, by colour, relative to the light's own.
+    /// Irradiance across the bundle's direction, by colour, relative to the irradiance of the light across its own direction.
     pub strength: DVec3,
 }
 
@@ -136,7 +140,7 @@ pub struct Bundle {
 #[derive(Clone, Copy)]
 struct Sum {
     strength: DVec3,
-    /// Sum of the weights; `incidence` is the sum of the angles of incidence times their weights.
+    /// Sum of the weights; `incidence` is the sum of the angles of incidence times their weights, and `end` the greatest angle.
     weight: f64,
     incidence: f64,
     end: f64,
@@ -174,13 +178,14 @@ impl Ball {
         self.points.iter().flatten().copied()
     }
 
-    /// The light that reaches a point outside the sphere, as the mean over discs of radius `width` (above 0) across the rays. `at` is the point's
-    /// distance from the axis, at least 0, and its place along the axis. `kept` is the share of its light that a ray keeps, by colour.
+    /// Calls `each` with the bundles that reach a point outside the sphere. Their irradiance is the mean over discs of radius `width` (above 0)
+    /// perpendicular to the rays. `at` is the point's distance from the axis, at least 0, and its coordinate along the axis. The radius of the
+    /// sphere is the unit of length. `kept` returns the share of its light that a ray keeps, by colour.
     pub fn bundles(&self, at: DVec2, width: f64, kept: impl Fn(&Turned) -> DVec3, mut each: impl FnMut(Bundle)) {
         for side in [1.0, -1.0] {
             let at = DVec2::new(at.x * side, at.y);
             let mut open: Option<Sum> = None;
-            // A ray that passes the point at a greater distance may pass it nearer when it is turned about the axis, but only near the axis.
+            // Rotation about the axis may bring a ray nearer to the point than it is in the plane, but only if the point is near the axis.
             let reach = if at.x.abs() < width { width + at.x.abs() } else { width };
             self.pieces(at, reach, |low, high| {
                 let sum = self.sum(at, width, [low, high], &kept);
@@ -204,8 +209,8 @@ impl Ball {
         }
     }
 
-    /// Finds the angles of incidence, in ascending pieces, whose rays pass a point nearer than `reach`; within a piece the distance is
-    /// monotonic.
+    /// Calls `each` with the intervals of the angle of incidence, in ascending order, whose rays pass a point nearer than `reach`. Within an
+    /// interval m is monotonic.
     fn pieces(&self, at: DVec2, reach: f64, mut each: impl FnMut(f64, f64)) {
         let step = FRAC_PI_2 / CELLS as f64;
         let known = |ray: &Turned| ([ray.miss(at), ray.miss_rate(at)], ray.reaches(at));
@@ -230,7 +235,8 @@ impl Ball {
         }
     }
 
-    /// Finds the part of the angles between two, whose distances are known, that is within reach.
+    /// Calls `each` with the part of an interval whose rays are within reach. `low` and `high` are its two angles, each with its m; m is monotonic
+    /// between them.
     fn piece(&self, at: DVec2, reach: f64, [low, high]: [(f64, f64); 2], each: &mut impl FnMut(f64, f64)) {
         if low.1.min(high.1) > reach || low.1.max(high.1) < -reach {
             return;
@@ -252,8 +258,8 @@ impl Ball {
         }
     }
 
-    /// The light of the angles of incidence between two. Towards these ends the integrand falls as the square root of the distance from them.
-    /// The quadrature takes the sine of an angle as its variable: in that angle the integrand is smooth.
+    /// The light of the angles of incidence from `low` to `high`. Towards these ends the integrand falls as the square root of the distance from
+    /// them. The quadrature substitutes the sine of an angle for its variable: as a function of that angle the integrand is smooth.
     fn sum(&self, at: DVec2, width: f64, [low, high]: [f64; 2], kept: impl Fn(&Turned) -> DVec3) -> Sum {
         let mut sum = Sum { strength: DVec3::ZERO, weight: 0.0, incidence: 0.0, end: high };
         let points = &self.points[usize::from(at.x.abs() < 2.0 * width)];

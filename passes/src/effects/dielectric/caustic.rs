@@ -9,8 +9,8 @@ use crate::effects::{Coverage, Pass, Workspace};
 use crate::trace::{Ray, Tracer};
 use glam::{DVec2, DVec3, Vec3};
 
-/// Half the width over which the light of a point source is spread, as a share of the sphere's radius. Where the light is a disc that blurs
-/// more, the blur of the disc is taken instead.
+/// Radius of the disc over which the light of a point source is averaged, as a share of the sphere's radius. If the light is a disc whose blur is
+/// larger, the blur is taken instead.
 pub const WIDTH: f64 = 1e-3;
 
 /// How a surface reflects light, and how much of the light its colour contains.
@@ -32,7 +32,7 @@ impl Lit {
     }
 }
 
-/// The plane of a point, a sphere's centre and the light.
+/// The plane through a point, a sphere's centre and the direction of the light.
 struct Plane {
     /// Away from the axis, towards the point.
     side: DVec3,
@@ -62,7 +62,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let mut light = Vec3::ZERO;
         for (lens, ball) in self.lenses.iter() {
             let from = (surface.position().as_dvec3() - lens.center) / lens.radius;
-            // In the sphere no light is focused.
+            // A point in the sphere gets no focused light.
             if from.length_squared() <= 1.0 {
                 continue;
             }
@@ -71,7 +71,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let at = DVec2::new(across.length(), along);
             let side = across.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
             let plane = Plane { side, axis };
-            // For another point of the light's disc the rays are turned about the sphere's centre, so the blur grows with the distance from it.
+            // For another point of the light's disc the rays are rotated about the sphere's centre, so the blur grows with the distance from the
+            // centre.
             let width = WIDTH.max(from.length() * blur);
             ball.bundles(at, width, self.kept(lens), |bundle| {
                 if facing.dot(plane.vector(&bundle, bundle.ray.direction).as_vec3()) < 0.0 {
@@ -97,7 +98,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The light of one bundle, as far as it passes on its way: from the surface to the sphere, inside the sphere, and on to the light.
+    /// The light of one bundle, reduced along the three segments of its path: from the surface to the sphere, inside the sphere, and on to the
+    /// light.
     fn bundle_light(
         &self,
         surface: &Surface,
@@ -120,7 +122,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         light
     }
 
-    /// Whether light through this triangle or sphere does not go straight on to `to`: a lens focuses it, or photons bring it.
+    /// Whether light through this triangle or sphere does not go straight on to `to`: a lens focuses the light, or photons carry it.
     pub(super) fn focuses(&self, id: u32, to: Vec3) -> bool {
         if self.targets.at(id).is_some() {
             return true;
@@ -131,12 +133,12 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// The unit direction in which light travels that comes from `to_light`.
+/// The unit direction in which light from the direction `to_light` travels; 0 if `to_light` is 0.
 pub fn axis(to_light: Vec3) -> DVec3 {
     -to_light.as_dvec3().normalize_or_zero()
 }
 
-/// Half the width, at the distance 1, of a light's disc of this angle in degrees.
+/// Radius, at the distance 1, of a light's disc of this angular diameter in degrees.
 pub fn blur(sun: f32) -> f64 {
     (0.5 * f64::from(sun)).to_radians().tan()
 }

@@ -11,7 +11,7 @@ use glam::Vec3;
 /// Greatest number of surfaces that are looked at along a line; later ones are ignored.
 const MOST: u32 = 4096;
 
-/// Direction of the line from a point: along no axis, no diagonal and no likely edge.
+/// Direction of the line from a point, not normalised: along no axis, no diagonal and no likely edge.
 const DIRECTION: Vec3 = Vec3::new(0.352_071, 0.631_593, 0.690_733);
 
 /// The bodies of glass that the camera is in.
@@ -43,7 +43,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// Transmittance, by colour, between the camera and the surface that a pixel shows. If the camera is in a body, that body fills the whole
     /// distance, since no other surface is in between. Exactly 1 if the camera is in no body.
     ///
-    /// Where the near plane cuts away the surface of that body, what is seen through the cut counts as seen inside.
+    /// Where the near plane cuts away the surface of that body, what is seen through the cut counts as seen from inside the body.
     pub(in crate::effects) fn kept_to_eye(&self, pixel: Pixel) -> Vec3 {
         let Some(body) = self.around_eye.top() else { return Vec3::ONE };
         let length = self.position(pixel).truncate().distance(self.job.eye);
@@ -51,7 +51,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// The spheres that focus light, if the job's rule of shadows asks for them; else none.
+/// The spheres that focus light, if the job's rule of shadows needs them; else none.
 ///
 /// # Errors
 /// As [`Lenses::of`].
@@ -62,7 +62,7 @@ pub fn lenses<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<Lenses, S
     Lenses::of(&pass.job.scene.geometry, pass.job.dielectrics, |center| around(pass, center).count() > 1)
 }
 
-/// Whether a job needs the spheres that focus light: its rule of shadows asks for them, and it has glass and a light.
+/// Whether a job needs the spheres that focus light: its rule of shadows is `caustic`, and it has glass and a light.
 pub fn asks_for_lenses(job: &RayJob<'_>) -> bool {
     let asked = job.params.shadow == GlassShadow::Caustic && job.program.info().reads("shadow");
     asked && job.sun.is_some_and(|sun| sun.direction != Vec3::ZERO) && !job.dielectrics.is_empty()

@@ -1,9 +1,8 @@
 //! Rough interfaces: microfacets after Walter, Marschner, Li and Torrance ("Microfacet Models for Refraction through Rough Surfaces",
 //! EGSR 2007), whose normals have the distribution GGX.
 //!
-//! A facet is chosen among those that the viewer sees. It is a smooth interface, which reflects and refracts by Fresnel's equations at its
-//! own angle. Light that leaves it and that other facets stop is lost (see [`Facet::passes`]): the model has no light that meets several
-//! facets.
+//! A facet is chosen among those that the viewer sees. It is a smooth interface, which reflects and refracts by Fresnel's equations at its own
+//! angle. Light from the facet that other facets block is lost (see [`Facet::passes`]): the model has no light that meets several facets.
 
 use super::branch::Branch;
 use crate::effects::reflect;
@@ -22,8 +21,9 @@ pub struct Facet {
 }
 
 impl Facet {
-    /// The facet for a point of the unit square, by the distribution of visible normals. The interface has the unit normal `normal` and the
-    /// width `alpha` (above 0, at most 1). It is seen in the unit direction `view`, which goes against the normal.
+    /// The facet for a point of the unit square, by the distribution of visible normals. The interface has the unit normal `normal` and the GGX
+    /// width `alpha` (above 0, at most 1). `view` is the unit direction from the viewer to the interface; its dot product with the normal is
+    /// negative.
     ///
     /// Spherical caps (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", Computer Graphics Forum 42(8), 2023),
     /// with a map from square to cap that keeps neighbours together.
@@ -52,8 +52,9 @@ impl Facet {
 }
 
 impl Facet {
-    /// Both branches at a facet of a wall. The mirrored one is kept if it stays on the viewer's side, whose unit geometric normal is `facing`.
-    /// The one that passes has the mirrored direction, reflected to behind the wall (glTF `KHR_materials_transmission`).
+    /// The reflected and the transmitted branch at a facet of a wall; `None` for a branch that would leave on the wrong side. `facing` is the unit
+    /// geometric normal on the viewer's side. The direction of the transmitted branch is that of the reflected one, mirrored to the other side of
+    /// the wall (glTF `KHR_materials_transmission`).
     pub(super) fn of_wall<K>(
         &self,
         facing: Vec3,

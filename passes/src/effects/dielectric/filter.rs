@@ -14,7 +14,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let flat = self.sphere(hit.triangle).is_none();
         let texel = dielectric.filter_texture.filter(|_| flat).map_or(Vec3::ONE, |texture| {
             let texel = self.texel(texture, hit, footprint).truncate();
-            // A share of light is linear whatever the colours of the pass are.
+            // A share of light is linear, whatever the colour space of the pass is.
             if scene.textures[texture as usize].space == ColorSpace::Linear { texel } else { texel.map(decode) }
         });
         let vertices = if flat && dielectric.filter_vertex_colors && !scene.geometry.colors.is_empty() {
@@ -26,7 +26,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         (1.0 - self.veil_at(hit, footprint, dielectric)) * dielectric.filter * texel * vertices
     }
 
-    /// The share of the light that enters at a hit and is scattered back.
+    /// The share that is scattered back of the light that enters the surface at a hit.
     pub(in crate::effects) fn veil_at(&self, hit: &Hit, footprint: impl Footprint, dielectric: &Dielectric) -> f32 {
         let texture = dielectric.transmission_texture.filter(|_| self.sphere(hit.triangle).is_none());
         texture.map_or(dielectric.veil, |texture| {

@@ -5,7 +5,7 @@ use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::scene::{Geometry, Sphere};
 use glam::{DVec3, Vec3};
 
-/// Greatest number of glass spheres of an index above 1 with which light is focused: each that focuses it is tested at every lit point.
+/// Greatest number of glass spheres of an index above 1 in a scene whose light is focused: every lens is tested at every lit point.
 pub const MOST_LENSES: usize = 1024;
 
 /// A sphere of glass that focuses light.
@@ -94,7 +94,7 @@ impl Lenses {
         &self.balls
     }
 
-    /// The place in [`Self::balls`] of the refraction by a lens.
+    /// The index in [`Self::balls`] of the refraction by a lens.
     #[must_use]
     pub fn ball_of(&self, lens: &Lens) -> usize {
         lens.ball
@@ -106,7 +106,7 @@ impl Lenses {
         &self.focuses
     }
 
-    /// Whether there are none.
+    /// Whether there are no lenses.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()

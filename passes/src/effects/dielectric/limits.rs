@@ -18,8 +18,8 @@ where
     F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
-    /// Factor of a branch's weight, where `path` is the path along the branch: 1, or if Russian roulette decided, 0 or more than 1. `None` where
-    /// the branch is cut off.
+    /// Factor of a branch's weight: 1, or if Russian roulette decided, 0 or more than 1. `None` if the branch is cut off. `path` is the path along
+    /// the branch; its numbers of bounces and its importance are updated.
     #[inline(always)]
     pub(super) fn kept(&self, branch: &Branch<C::Cone>, path: &mut Path<C::Cone>) -> Option<f32> {
         if !self.pass.job.params.limits.cut() {
@@ -57,7 +57,8 @@ where
         }
     }
 
-    /// A random number from 0 to 1 for a path. It also depends on the path's wavelength and way, and on where the samples of the pass begin.
+    /// A random number from 0 to 1 for a path. It also depends on the path's wavelength and way, and on the numbers of the first sample and of the
+    /// first path of the pass.
     fn chance(&self, path: &Path<C::Cone>) -> f32 {
         let params = &self.pass.job.params;
         let wavelength = path.wavelength.map_or(0, f32::to_bits);

@@ -14,9 +14,9 @@ pub struct Crossing {
     pub enters: bool,
 }
 
-/// The materials of the bodies that a point lies in. The last of them fills the place: it has the highest priority, and among bodies of
-/// equal priority it was entered last (Schmidt and Budge, "Simple Nested Dielectrics in Ray Traced Images", Journal of Graphics Tools
-/// 7(2), 2002, where only the priority decides).
+/// The materials of the bodies that a point lies in. The last of them fills the place: its medium is the one at the point. It has the highest
+/// priority, and among bodies of equal priority it was entered last (Schmidt and Budge, "Simple Nested Dielectrics in Ray Traced Images", Journal
+/// of Graphics Tools 7(2), 2002, where only the priority decides).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Media {
     list: [u32; MOST],
@@ -31,7 +31,7 @@ pub struct Border {
     /// Index of refraction behind the surface over the index before it, at the Fraunhofer line d. `None` where another body fills the place on
     /// both sides: there is no surface.
     pub ratio: Option<f32>,
-    /// The materials that fill the place before and behind; `None` for air.
+    /// The materials that fill the place before and behind the surface; `None` for air.
     pub sides: [Option<u32>; 2],
     /// Whether there are more bodies than are kept, so that the media are incomplete.
     pub overflows: bool,
@@ -106,7 +106,8 @@ impl Media {
         Some((fewer, place + 1 == length))
     }
 
-    /// What lies behind a crossing. A line that leaves a body without being known to have entered it counts as having been in it.
+    /// The media on both sides of a crossing; `self` are the media before it. A line that leaves a body without being known to have entered it
+    /// counts as having been in it.
     #[must_use]
     pub fn cross(self, Crossing { material, enters }: Crossing, dielectrics: &[Dielectric]) -> Border {
         let (after, before, real, overflows) = if enters {
@@ -139,7 +140,7 @@ impl Border {
         self.sides.iter().flatten().any(|material| dielectrics[*material as usize].spread > 0.0)
     }
 
-    /// Index of refraction behind over that before, for light of a wavelength in nanometres.
+    /// Index of refraction behind the surface over the index before it, for light of a wavelength in nanometres.
     #[must_use]
     pub fn ratio_at(&self, dielectrics: &[Dielectric], wavelength: f32) -> f32 {
         let [before, after] = self.sides.map(|material| index_of(material, dielectrics, Some(wavelength)));

@@ -1,12 +1,12 @@
 //! Glass whose kind each material states (`glass=auto`): bodies that light enters and leaves, thin walls, and the report's panes.
 //!
-//! From the ground up: `media` knows in which bodies a point of a path lies, and `eye` in which the camera is. `slab` is a wall with two
-//! faces. `filter` is the light that a surface takes beside Fresnel's share, and `shadow` the light that is left after falling straight
-//! through. `ball` is parallel light in a sphere, `lenses` are the spheres that focus it, and `caustic` is the light that this adds to
-//! surfaces. `targets` are the meshes that focus light, and `photon_map` is the light that landed. `variant` says what device programs
-//! support, and `ways` which ways are followed. `branch` is a way on from a surface, `limits` says where it is not followed, and `facets`
-//! are the microfacets of a rough surface. `walk` follows paths, `solid` is the surface of a body, and `photons` follows light to surfaces. May use:
-//! the modules about one point, beside this folder.
+//! Modules, lower layers first. `media` lists the bodies that a point of a path lies in, and `eye` the bodies that the camera lies in. `slab` is a
+//! wall with two faces. `filter` has the properties of a surface that Fresnel's equations do not give, and `shadow` the light that glass lets
+//! straight through. `ball` is the refraction of parallel light by a sphere, `lenses` are the spheres that focus light, and `caustic` adds the
+//! focused light to surfaces. `targets` are the meshes that focus light, and `photon_map` stores the photons that landed. `variant` states which
+//! glass device programs support, and `ways` which ways of a divided path are followed. `branch` is a continuation of a path at a surface, `limits`
+//! cuts branches off, and `facets` are the microfacets of a rough surface. `walk` follows paths from the camera, `solid` is the surface of a body,
+//! and `photons` follows light to surfaces. These modules may use those modules of the parent folder that concern one point.
 //!
 //! Radiance is not scaled by the square of the index inside a body: the factor cancels where light leaves again, and the light that falls
 //! on a surface inside is not scaled either.
@@ -61,7 +61,7 @@ pub fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
     (0..job.params.paths).map(|path| reversed_sobol(job.params.first_path.wrapping_add(path))).collect()
 }
 
-/// The strata of the spectrum that a job asks for; empty where no body disperses light.
+/// The strata of the spectrum that a job requests; empty where no body disperses light.
 #[must_use]
 pub fn spectrum(job: &RayJob<'_>) -> Vec<Stratum> {
     if disperses(&job.params, job.dielectrics) { strata(job.params.wavelengths) } else { Vec::new() }

@@ -1,9 +1,9 @@
 //! Photons that have landed on surfaces, and the light that they bring there.
 //!
-//! A photon carries power: the area of the light's cross section that it stands for, by colour, where the light's own irradiance across its
-//! direction is 1. The irradiance at a point is the sum of the powers that landed within a radius r, each weighted by Epanechnikov's kernel
-//! 2 / (π r²) (1 - d² / r²) of its distance d, whose integral over the disc is 1 (Jensen, "Global Illumination using Photon Maps", EGWR 1996,
-//! with another kernel).
+//! A photon carries power, by colour: the area of the part of the light's cross section that the photon represents, where the light's irradiance
+//! across its direction is 1. The irradiance at a point is the sum of the powers that landed within a radius r, each weighted by Epanechnikov's
+//! kernel 2 / (π r²) (1 - d² / r²) of its distance d, whose integral over the disc is 1 (Jensen, "Global Illumination using Photon Maps", EGWR
+//! 1996, with another kernel).
 //!
 //! The sum has two errors: the blur, which falls as r², and the noise of the number of photons in the disc. Both fall where r is proportional to
 //! the number of photons to the power of -1/6. Over batches, r is the progressive radius of Knaus and Zwicker ("Progressive Photon Mapping: A
@@ -17,13 +17,13 @@ use curitiba_pipeline::programs::PHOTON_BYTES;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
-/// Least cosine between the normals of a point and of where a photon landed, for which they are the same surface.
+/// Least cosine between the normals at a point and at a photon for which both count as on the same surface.
 const ALIKE: f32 = 0.7;
 
 /// Greatest distance of a photon from the tangent plane of a point, as a share of the radius.
 const FLAT: f32 = 0.3;
 
-/// Radius of the discs for one photon, as a share of the target's radius: for a million it is 0.015.
+/// Radius of the discs for one photon, as a share of the target's radius: for a million photons the share is 0.015.
 const SPREAD: f64 = 0.15;
 
 /// A photon on a surface.
@@ -35,7 +35,7 @@ pub struct Photon {
     pub direction: Vec3,
     /// Unit geometric normal there, on the side that it came from.
     pub normal: Vec3,
-    /// Its power, by colour; see the module's text. 0 for a photon that did not land.
+    /// Its power, by colour; see the module's documentation. 0 for a photon that did not land.
     pub power: Vec3,
     /// Its number among those that were shot at the same target.
     pub number: u32,
@@ -64,7 +64,7 @@ impl Photon {
     }
 }
 
-/// Least radius of the discs, as a share of the target's radius: so their areas and the numbers of cells are finite.
+/// Least radius of the discs, as a share of the target's radius. It keeps the kernel's weights and the numbers of cells finite.
 const LEAST: f64 = 1e-5;
 
 /// The radius of the discs of a target of radius `target`, for `photons` photons in batch `batch`. `chosen` is the radius of the discs in the
@@ -89,7 +89,7 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// Sorts photons that are averaged over discs of a radius above 0; those of power 0 are left out.
+    /// Builds the table of photons, to be averaged over discs of radius `radius` (above 0). Photons of power 0 are left out.
     ///
     /// # Errors
     /// If there is too little memory for the table.
@@ -115,12 +115,13 @@ impl Cloud {
         Ok(cloud)
     }
 
-    /// Number of cells in a scene unit. Cells are as wide as a disc, so a disc touches at most two of them along each axis.
+    /// Number of cells per scene unit. Cells are as wide as a disc, so a disc touches at most two of them along each axis.
     fn cells_a_unit(&self) -> f32 {
         0.5 / self.radius
     }
 
-    /// Calls `each` with every photon near a point that lit the side of a surface with this unit normal, and with the kernel's weight, 1 / area.
+    /// Calls `each` with every photon that landed near a point on the side of a surface with this unit normal, and with the kernel's weight there,
+    /// in 1 / area.
     fn each_near(&self, point: Vec3, normal: Vec3, mut each: impl FnMut(&Photon, f32)) {
         let radius = self.radius;
         if point.cmplt(self.low - radius).any() || point.cmpgt(self.high + radius).any() {
@@ -182,14 +183,15 @@ impl PhotonMap {
         self.clouds.is_empty()
     }
 
-    /// Calls `each` with every photon near a point that lit the side of a surface with this unit normal, and with the kernel's weight there.
+    /// Calls `each` with every photon that landed near a point on the side of a surface with this unit normal, and with the kernel's weight there,
+    /// in 1 / area.
     pub fn each_near(&self, point: Vec3, normal: Vec3, mut each: impl FnMut(&Photon, f32)) {
         for cloud in &self.clouds {
             cloud.each_near(point, normal, &mut each);
         }
     }
 
-    /// The irradiance on a side of a surface, by colour; 1 is the light's irradiance across its direction.
+    /// The irradiance on the side of a surface with this unit normal, by colour; 1 is the light's irradiance across its direction.
     #[must_use]
     pub fn irradiance(&self, point: Vec3, normal: Vec3) -> Vec3 {
         let mut sum = Vec3::ZERO;

@@ -1,13 +1,14 @@
 //! Shoots photons at the bodies of glass meshes, and lights surfaces by them.
 //!
-//! The photons of a target start on a disc across the light that covers the target, each with the light of an equal part of the disc. Glass that is
-//! no target lets them straight on to their first surface. If this is not the target's, the photon is dropped: its light meets no target first, or
-//! is brought by the photons of another one. So photons bring exactly the light that meets a target first. In return targets stop straight light
-//! ([`Pass::focuses`]).
+//! The photons of a target start on a disc that is perpendicular to the light and covers the target, each with the light of an equal part of the
+//! disc. Until a photon meets a surface of a target or an opaque surface, glass that is no target does not deflect it. If that surface does not
+//! belong to the photon's own target, the photon is dropped: its light meets no target first, or the photons of another target carry it. So photons
+//! carry exactly the light that meets a target first, and targets block straight light ([`Pass::focuses`]).
 //!
-//! At each surface of a body a photon goes one of both ways, with the way's share as its probability. So its power changes by absorption and
-//! filters alone. Thin glass lets it straight on, as it does straight light. A photon ends at the first surface that is not glass. All of its
-//! choices are Owen-scrambled Sobol points of its number, with an order of their own for each surface.
+//! At each surface of a body a photon is either reflected or refracted, each with a probability equal to its share of the light. So its power
+//! changes only by absorption, filters, masking by microfacets, and the weight of its wavelength. Thin glass lets it straight on, as it does
+//! straight light. A photon ends at the first surface that is not glass. All of its choices are Owen-scrambled Sobol points of its number; at each
+//! surface the points have another order.
 
 use super::branch::Branch;
 use super::caustic::Lit;
@@ -36,8 +37,8 @@ use std::cell::Cell;
 /// Photons that a thread takes at a time.
 const PART: usize = 1 << 12;
 
-/// The irradiance across a photon's direction is its power divided by its cosine at the surface. This is the least cosine that is taken: for
-/// smaller ones, that irradiance would have no bound.
+/// The irradiance across a photon's direction is its power divided by its cosine at the surface. This is the lower bound of that cosine: without
+/// it, the irradiance would have no upper bound.
 const GRAZING: f32 = 0.05;
 
 /// How the path of a photon ends.
@@ -61,7 +62,7 @@ pub(crate) fn targets<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Targets 
     Targets::of(&job.scene.geometry, job.dielectrics, along, pass.disc.is_some())
 }
 
-/// Shoots the photons that a pass asks for at its targets.
+/// Shoots the photons that a pass requests at its targets.
 ///
 /// # Errors
 /// If there is too little memory.
@@ -88,7 +89,7 @@ pub(crate) fn photons<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<P
 }
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Shoots some of the `count` photons of a target.
+    /// Shoots the photons from number `first` on into `photons`. `of` is the number of the target, the target, and the target's number of photons.
     #[inline(never)]
     fn shoot_part(&self, of: (usize, &Target, u32), first: usize, photons: &mut [Photon]) -> PhotonCounts {
         let mut work = Box::<Workspace>::default();
@@ -112,11 +113,11 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         counts
     }
 
-    /// Follows one photon of a target.
+    /// Follows one photon of a target; `count` is the target's number of photons, and `index` the photon's number among them.
     fn shot(&self, (number, target, count): (usize, &Target, u32), index: u32, work: &mut Workspace) -> End {
         let params = &self.job.params;
         let place = u64::from(params.photon_batch) * u64::from(count) + u64::from(index);
-        // A sequence has 2^32 points.
+        // A sequence has 2^32 points, so the high bits select another sequence.
         let key = photon_key(number as u32, (place >> 32) as u32, self.job.seed);
         let place = place as u32;
         let direction = self.photon_direction(key, place);
@@ -172,7 +173,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// Follows a photon from the surface of glass that it meets to its end.
+    /// Follows a photon from its first surface of glass, `hit`, to its end.
     fn through_glass(
         &self,
         (mut hit, mut surface, mut direction): (Hit, Surface, Vec3),
@@ -212,8 +213,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
     }
 
-    /// The light that photons add to a surface, as a share of the surface's colour. Each photon on the side with the unit normal `facing` counts as a
-    /// light of the photon's direction and irradiance.
+    /// The light that photons add at a point of a surface, as a multiple of the surface's own colour. Each photon that landed nearby, on the side with
+    /// the unit normal `facing`, acts as a directional light with the photon's direction. Its irradiance is weighted by the kernel.
     #[inline(never)]
     pub(in crate::effects) fn photon_light(&self, surface: &Surface, facing: Vec3, lit: &Lit) -> Vec3 {
         let mut light = Vec3::ZERO;
@@ -225,7 +226,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
-/// A point of the unit square for a choice of a photon.
+/// A point of the unit square for one of a photon's choices; `place` is the photon's place in the sequence.
 fn point(key: u32, choice: u32, place: u32) -> Vec2 {
     // The place on the disc takes the sequence in its own order: 2^k photons in a row cover the disc evenly.
     let place = if choice == PHOTON_PLACE { place } else { in_order(place, dimensions(key, choice - 1)[0]) };
@@ -234,7 +235,7 @@ fn point(key: u32, choice: u32, place: u32) -> Vec2 {
     Vec2::new(x, y)
 }
 
-/// A number from 0 to 1 that decides which of both ways the photon of a place goes at the surface of this key.
+/// A number from 0 to 1 that decides whether the photon of a place in the sequence is reflected at the surface of this key.
 fn chance(key: u32, place: u32) -> f32 {
     let [seed, order] = dimensions(key, PHOTON_WAY);
     unit(scramble_reversed(in_order(place, order), seed))
@@ -247,8 +248,8 @@ where
     F: Fn(&Hit, FootprintOf<C>, &Surface, Media, u32, &mut Workspace) -> Vec3,
     W: Ways,
 {
-    /// The way on of a photon that meets glass; `None` where none of its light goes on. Where the surface disperses light, the photon has one
-    /// wavelength from then on.
+    /// The branch that a photon takes where it meets glass; `None` if none of its light goes on. Where the surface disperses light, the photon has
+    /// one wavelength from then on.
     fn way_of_photon(
         &self,
         met: Met<'_, FootprintOf<C>>,

@@ -12,13 +12,13 @@ use crate::trace::{Hit, Purpose, Ray, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use glam::Vec3;
 
-/// Greatest difference of the distances of two hits on one surface, as a share of the distance.
+/// Greatest difference of the distances of two hits that count as one, as a share of the distance.
 const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// The light that reaches a surface, by colour: [`SHADOWED`] where its side is turned away or something opaque is in the way. Else it lies
-    /// between that and 1, by the share of the light that falls straight through glass ([`Self::straight`]). For a light with a disc it is the
-    /// mean over the disc, at the points of `key`.
+    /// The light that reaches a surface, by colour: [`SHADOWED`] where its side faces away from the light or something opaque is in the way. Else
+    /// it lies between [`SHADOWED`] and 1, by the share of the light that falls straight through glass ([`Self::straight`]). For a light with a
+    /// disc it is the mean over the disc, at the points of `key`.
     pub(in crate::effects) fn straight_light(
         &self,
         surface: &Surface,
@@ -72,9 +72,10 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         passes
     }
 
-    /// The share of light that passes these surfaces of glass, by colour, as if they bent nothing: 1 - F at each border between two media,
-    /// times absorption on each way inside. F takes the cosine on the side of the lower index: with the cosine on the other side, a sphere would
-    /// be black from the critical angle on. The hits may come in any order, and each may be given more than once.
+    /// The share of light that passes these surfaces of glass, by colour, as if they bent nothing: 1 - F and the filter of the surface at each
+    /// border between two media, times absorption over each distance inside. Thin walls and panes pass [`Self::passes_straight`]. F takes the
+    /// cosine on the side of the lower index: with the cosine on the other side, a sphere would be black from the critical angle on. The hits may
+    /// come in any order, and each may be given more than once.
     fn straight(&self, ray: &Ray, hits: &mut Vec<Hit>, work: &mut Workspace) -> Vec3 {
         let (geometry, dielectrics) = (&self.job.scene.geometry, self.job.dielectrics);
         let material = |hit: &Hit| self.material_of(hit.triangle);
@@ -128,7 +129,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             * self.filter(hit, LevelZero, dielectric)
     }
 
-    /// Transmittance of a way in these media, by colour.
+    /// Transmittance over a distance in these media, by colour.
     pub(super) fn on_the_way(&self, media: Media, length: f32) -> Vec3 {
         media.top().map_or(Vec3::ONE, |material| self.job.dielectrics[material as usize].transmittance(length))
     }

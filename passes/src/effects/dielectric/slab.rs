@@ -12,9 +12,9 @@ pub struct Slab {
     pub transmitted: Vec3,
 }
 
-/// A wall whose faces reflect the share R = `reflectance`, and where light keeps the share a = `kept` on a way from one face to the other. It
-/// reflects R + (1-R)² R a² / (1 - R² a²) and transmits (1-R)² a / (1 - R² a²), the sums of the geometric series (Born and Wolf, Principles
-/// of Optics, section 7.6, without interference).
+/// A wall whose faces reflect the share R = `reflectance`, and where light keeps the share a = `kept` from one face to the other. It reflects R +
+/// (1-R)² R a² / (1 - R² a²) and transmits (1-R)² a / (1 - R² a²), the sums of the geometric series (Born and Wolf, Principles of Optics, section
+/// 7.6, without interference).
 ///
 /// Faces that reflect everything let nothing pass.
 #[must_use]
@@ -27,7 +27,7 @@ pub fn slab(reflectance: f32, kept: Vec3) -> Slab {
     Slab { reflected: r + r * a * through, transmitted: through }
 }
 
-/// Transmittance of a way from one face of a thin wall to the other.
+/// Transmittance from one face of a thin wall to the other, by colour.
 pub(super) fn kept_across(dielectric: &Dielectric, cos_refracted: f32) -> Vec3 {
     dielectric.transmittance(dielectric.thickness / cos_refracted.max(f32::MIN_POSITIVE))
 }

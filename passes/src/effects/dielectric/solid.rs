@@ -1,4 +1,4 @@
-//! The surface of a body: light is reflected and refracted, and where it is dispersed each wavelength goes its own way.
+//! The surface of a body: light is reflected and refracted, and dispersed light is refracted in another direction for each wavelength.
 
 use super::branch::Branch;
 use super::facets::Facet;
@@ -15,7 +15,7 @@ use glam::Vec3;
 /// The wavelength in nanometres at which materials state their index: the Fraunhofer line d.
 const REFERENCE: f32 = 587.6;
 
-/// Both ways on from a surface, for light of one wavelength.
+/// The reflected and the refracted light at a surface, for one wavelength.
 #[derive(Clone, Copy)]
 pub(super) struct Onward<K> {
     /// Share of the light that is reflected; the rest enters.
@@ -24,7 +24,7 @@ pub(super) struct Onward<K> {
     pub(super) mirrored: Vec3,
     /// Direction of the light that enters; `None` at total reflection.
     pub(super) refracted: Option<Vec3>,
-    /// The shares of both that the other facets of a rough surface let pass; 1 where the surface is smooth.
+    /// The shares of the reflected and of the refracted light that the other facets of a rough surface let pass; 1 where the surface is smooth.
     pub(super) kept: [f32; 2],
     /// The cones of the reflected light and of the light that enters.
     cones: [K; 2],
@@ -106,7 +106,7 @@ where
         color + self.veil(met, dielectric, Vec3::splat(1.0 - reflectance), path, work)
     }
 
-    /// Both ways on from a surface; `ratio` is the index behind it over the index before it.
+    /// The reflected and the refracted light at a surface; `ratio` is the index behind it over the index before it.
     pub(super) fn ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -120,7 +120,8 @@ where
         }
     }
 
-    /// The ways on from a microfacet. Light that it would send to the wrong side of the interface normal or of the triangle is lost.
+    /// The reflected and the refracted light at a microfacet. Light that it would send to the wrong side of the interface normal or of the triangle
+    /// is lost.
     fn rough_ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -142,7 +143,7 @@ where
         Onward { reflectance: interface.reflectance, mirrored, refracted, kept, cones }
     }
 
-    /// The ways on from a smooth surface.
+    /// The reflected and the refracted light at a smooth surface.
     fn smooth_ways(
         &self,
         met: Met<'_, FootprintOf<C>>,
@@ -211,7 +212,7 @@ where
             match &mut together {
                 None => together = Some(branch),
                 Some(first) if first.direction == mirrored => first.weight += back,
-                // Reflected by another normal than the first wavelength, as at few surfaces.
+                // Reflected about another normal than the light of the first wavelength, which is rare.
                 Some(_) => color += self.split(met.surface, Some(branch), None, own, work),
             }
             if let Some(direction) = refracted {
@@ -229,8 +230,8 @@ where
 
     /// As [`Self::dispersed`], for the parts of the spectrum that the ways of a sample have.
     ///
-    /// Light of [`REFERENCE`] stands for the whole spectrum, and each way adds the difference that its own wavelength makes. So the mean has no
-    /// noise where the colour is the same at all wavelengths, although the weights of few wavelengths do not add up to 1.
+    /// The weights of these few wavelengths do not add up to 1. Light of [`REFERENCE`] gets the difference from 1, as a control variate. So there
+    /// is no noise from the choice of wavelengths where the colour is the same at all of them.
     #[inline(never)]
     fn sampled_spectrum(
         &self,
@@ -263,12 +264,12 @@ where
                 // Beyond the depth all light goes through, with the weight of both ways.
                 (back, through) = (Vec3::ZERO, back + through);
             }
-            // The importance is without the weight of the wavelength: how few ways stand for the whole spectrum does not decide what is cut off.
+            // The importance excludes the weight of the wavelength, so that cut-offs do not depend on the number of sampled wavelengths.
             let own = Path { importance: own.importance / weight.abs().max_element(), ..own };
             if mirrored == together.direction {
                 together.weight += back;
             } else {
-                // Reflected by another normal than light of [`REFERENCE`], as at few surfaces.
+                // Reflected about another normal than light of [`REFERENCE`], which is rare.
                 let branch = Branch { direction: mirrored, weight: back, cone: cones[0], ..together };
                 color += self.split(met.surface, Some(branch), None, own, work);
             }

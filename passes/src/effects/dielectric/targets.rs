@@ -8,10 +8,10 @@ use glam::DVec3;
 /// Greatest number of targets. If there are more separate bodies, all of them are one target.
 const MOST: usize = 1024;
 
-/// The number of a triangle that belongs to no target.
+/// Stored for a triangle that belongs to no target.
 const NONE: u16 = u16::MAX;
 
-/// Bodies that are near each other: photons are shot at a disc across the light that covers all of them.
+/// Bodies that are near each other: photons are shot from one disc, perpendicular to the light, that covers all of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// Middle of the disc, and of a sphere around the bodies, world.
@@ -20,7 +20,7 @@ pub struct Target {
     pub radius: f64,
     /// Radius of the sphere.
     pub reach: f64,
-    /// Whether bodies of glass that are no targets touch its bounding box: a photon may be in them before it meets the target.
+    /// Whether bodies of glass that are no targets touch the target's bounding box: a photon may be in such a body before it meets the target.
     pub among_bodies: bool,
 }
 

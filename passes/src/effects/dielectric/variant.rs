@@ -5,14 +5,14 @@ use curitiba_pipeline::glass::{Dielectric, MOST_STRATA};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use glam::Vec3;
 
-/// What a device program that was written for a job supports.
+/// The features of a device program that is generated for a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Variant {
     /// In a fidelity, with the report's panes.
     Panes(Fidelity),
     /// In corrected fidelity, with smooth glass whose kind each material states, and a background or a sky.
     Bodies,
-    /// As [`Self::Bodies`], with glass that is rough, disperses light or has a reflectance of its own, and with paths that are cut off.
+    /// As [`Self::Bodies`], with glass that is rough, disperses light or has a reflectance of its own, and with limits that cut paths off.
     Ways,
 }
 
@@ -39,7 +39,7 @@ impl Variant {
     }
 }
 
-/// Whether a pass asks for dispersion, and any glass disperses light.
+/// Whether a pass requests dispersion, and any glass disperses light.
 pub(crate) fn disperses(params: &RayParams, dielectrics: &[Dielectric]) -> bool {
     params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0)
 }

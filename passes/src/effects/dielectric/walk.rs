@@ -18,10 +18,10 @@ use glam::Vec3;
 /// Greatest number of glass surfaces that a path meets; beyond it, the path is lost. In a body of many faces light may be reflected for long.
 pub const MOST_SURFACES: u32 = 128;
 
-/// A path that has come to a surface.
+/// A path that has arrived at a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Path<K> {
-    /// The bodies before the surface.
+    /// The bodies that the path is in before the surface.
     pub(super) media: Media,
     /// Number of glass surfaces met before.
     pub(super) surfaces: u32,
@@ -32,7 +32,7 @@ pub(super) struct Path<K> {
     pub(super) wavelength: Option<f32>,
     /// The number of its way, once rough glass or the spectrum of a sample has divided the path; `None` before.
     pub(super) sample: Option<u32>,
-    /// The share of the pixel's colour that depends on it; raised where Russian roulette has decided about the path.
+    /// The share of the pixel's colour that the path contributes; raised to the cut-off where Russian roulette has decided about the path.
     pub(super) importance: f32,
     /// Numbers of reflections and of refractions before.
     pub(super) bounces: [u32; 2],
@@ -40,12 +40,12 @@ pub(super) struct Path<K> {
     pub(super) cone: K,
 }
 
-/// The surface that a path has come to, and the path's direction.
+/// The surface that a path has arrived at, and the path's direction.
 #[derive(Clone, Copy)]
 pub(super) struct Met<'h, F> {
     pub(super) hit: &'h Hit,
     pub(super) surface: &'h Surface,
-    /// Unit direction in which the surface is seen.
+    /// Unit direction of the path, towards the surface.
     pub(super) view: Vec3,
     /// The path's footprint on the surface's textures.
     pub(super) footprint: F,
@@ -157,7 +157,7 @@ where
             direction: view,
             weight: wall.transmitted * self.pass.filter(hit, footprint, dielectric),
             media: path.media,
-            // The two faces of the wall undo each other's bending.
+            // The refractions at the two faces of the wall cancel.
             cone: path.cone,
         };
         let (mirrored, through) = match facet {
@@ -202,7 +202,7 @@ where
         may && self.pass.alpha(met.hit, met.footprint, dielectric) > 0.0
     }
 
-    /// The mean of the ways on from rough glass.
+    /// The mean colour of the ways on from rough glass; `each` returns the colour of one way.
     #[inline(never)]
     pub(super) fn scattered(
         &self,
@@ -213,7 +213,7 @@ where
         self.ways.note(Noted::DIVIDED);
         let numbers = self.ways.numbers(self.pass.facets.len() as u32);
         let count = numbers.len() as u32;
-        // In a sample, each way stands for the whole path: the number of ways does not decide what is cut off.
+        // In a sample the importance is not divided among the ways, so that cut-offs do not depend on the number of ways.
         let importance = if W::SAMPLED { path.importance } else { path.importance / count as f32 };
         let sum: Vec3 = numbers.map(|sample| each(Path { sample: Some(sample), importance, ..path }, work)).sum();
         sum / count as f32
@@ -240,7 +240,8 @@ where
         self.ways.own_key(path.key, path.sample)
     }
 
-    /// Follows both ways on; beyond the depth, the one through the surface, where there is one. A way of weight 0 is not followed.
+    /// Follows the reflected and the transmitted branch; beyond the depth only the transmitted one, if there is one, with the weight of both. A
+    /// branch of weight 0 is not followed.
     pub(super) fn split(
         &self,
         surface: &Surface,
@@ -263,7 +264,7 @@ where
         }
     }
 
-    /// Whether both ways on are followed.
+    /// Whether both branches at a surface are followed.
     pub(super) fn splits(&self, path: Path<C::Cone>) -> bool {
         path.splits < self.pass.job.params.depth
     }
@@ -299,7 +300,7 @@ where
         weight * self.radiance(surface, branch.direction, path, work)
     }
 
-    /// Radiance that arrives at a surface from a direction.
+    /// Radiance that arrives at the surface `at` along the ray that leaves it in a direction.
     fn radiance(&self, at: &Surface, direction: Vec3, path: Path<C::Cone>, work: &mut Workspace) -> Vec3 {
         let extinction = self.extinction(path.media);
         let (ray, Some(hit)) = self.pass.closest(at.origin(direction), direction) else {

@@ -1,4 +1,5 @@
-//! Which ways of a path are followed where glass divides it: all that a pass asks for, or those of a sample.
+//! Which ways of a path are followed where glass divides it: all that a pass asks for, or those of a sample. A way is one of the continuations of
+//! the path from the surface that divides it.
 
 use crate::effects::optics::SCATTERED;
 use crate::sampling::hash::{FACET_ORDER, FACETS, HALF, SPECTRUM, dimensions, path_key, unit};
@@ -15,7 +16,7 @@ pub(in crate::effects) trait Ways: Copy {
     /// The key of the ways' random numbers, given the pixel's own key.
     fn key(&self, pixel: u32) -> u32;
 
-    /// The numbers of the ways on from rough glass that are followed; `all` is how many the pass asks for.
+    /// The numbers of the ways on from rough glass that are followed; `all` is the number that the pass requests.
     fn numbers(&self, all: u32) -> Range<u32>;
 
     /// The point that chooses the microfacet which a way meets at the surface of this key. `points` are those of the pass. `None` if the way has
@@ -131,7 +132,7 @@ impl Ways for Sample<'_> {
         Some(Vec2::new(x, y))
     }
 
-    /// 2^k ways are spread over 2^k parts.
+    /// If there are 2^k parts, an aligned block of 2^k ways has one way in each of them.
     fn part_of_spectrum(&self, way: u32, key: u32, count: usize) -> usize {
         let [seed, order] = dimensions(key, SPECTRUM);
         let place = scramble_reversed(in_order(self.offset.wrapping_add(way), order), seed);

@@ -1,4 +1,4 @@
-//! The program with exact ray origins, glass by material, and normals turned to the viewer.
+//! The program with exact ray origins, glass by material, and normals flipped to face the viewer.
 
 use crate::effects::optics::reflect;
 use crate::effects::{Cone, Coverage, Pass, Pixel, Workspace, opaque};

@@ -12,7 +12,7 @@ fn a_mirror_shows_the_lit_colour_of_what_lies_in_front() {
     let mut world = World::lit_along(Vec3::new(0.2, -0.3, 1.0));
     let glass = world.glass();
     let red = world.paint(Vec3::new(0.9, 0.2, 0.1));
-    // The mirror at z = 0 looks to +z; the wall at z = 10, behind the eye, looks back at it.
+    // The mirror at z = 0 faces +z; the wall at z = 10, behind the eye, faces the mirror.
     world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
     world.quad(red, Vec3::new(0.0, 0.0, 10.0), Vec3::X * 50.0, Vec3::NEG_Y * 50.0);
     let eye = Vec3::new(0.5, 0.2, 4.0);
@@ -47,7 +47,7 @@ fn a_mirror_shows_the_texture_where_the_mirrored_ray_meets_it() {
         let met = *target + direction * (6.0 / direction.z);
         let u = 0.5 + met.x / 10.0;
         let texel = world.scene.textures[0].sample(Vec2::new(u, 0.5), 0.0).truncate();
-        // The wall is turned away from the light: ambient light only.
+        // The wall faces away from the light: ambient light only.
         assert_close(pixel, 0.3 * texel, 2e-6, target);
     }
     assert!((world.scene.textures[0].sample(Vec2::new(0.4, 0.5), 0.0).x - 0.5).abs() > 0.05, "texels are blended");
@@ -104,12 +104,11 @@ fn a_mirror_shows_the_colours_of_vertices_and_passes_where_their_alpha_cuts() {
 fn a_mirror_shows_walls_lit_by_their_normal_maps() {
     let texel = [214, 86, 230, 255];
     let [x, y, z] = [0, 1, 2].map(|axis: usize| f32::from(texel[axis]) / 255.0 * 2.0 - 1.0);
-    // The wall at z = 6 looks to -z; u grows along x and v along -y.
+    // The wall at z = 6 faces -z; u grows along x and v along -y.
     let flat = Vec3::NEG_Z;
     for (scale, mirrored) in [(1.0, 1.0), (0.5, 1.0), (1.0, -1.0)] {
         let tilted = (Vec3::X * x * scale * mirrored + Vec3::NEG_Y * y * scale + flat * z).normalize();
-        // Three lights: one that wall and bumps both face, one that only the wall faces, and one that only the bumps
-        // face.
+        // Three lights: one that both the wall and its bent normal face, one that only the wall faces, and one that only the bent normal faces.
         let lights = [flat + tilted, flat - 0.98 * tilted, tilted - 1.02 * flat * tilted.dot(flat)];
         let expected = lights.map(|to_light| {
             let to_light = to_light.normalize();
@@ -126,15 +125,15 @@ fn a_mirror_shows_walls_lit_by_their_normal_maps() {
                 world.scene.geometry.texcoords.iter_mut().for_each(|texcoord| texcoord.x = -texcoord.x);
             }
             world.bump(wall, [texel; 2], scale);
-            // Vertex normals that look to the other side are turned to the viewer. The bumps turn with them, so they
-            // bend the other way.
+            // Vertex normals that point to the other side are flipped to face the viewer. The frame of the normal map is flipped with them, so the
+            // normal is bent in the other direction.
             for turn in [false, true] {
                 let mut cosine = cosine;
                 if turn {
                     let geometry = &mut world.scene.geometry;
                     geometry.normals.iter_mut().for_each(|normal| *normal = -*normal);
                     let turned = (tilted - 2.0 * (tilted - flat * tilted.dot(flat))).normalize();
-                    // The frame's third axis was turned; turn the bitangent with it.
+                    // The frame's third axis was flipped; flip the bitangent with it.
                     geometry.tangents.iter_mut().for_each(|tangent| tangent.w = -tangent.w);
                     let to_light = to_light.normalize();
                     cosine = if flat.dot(to_light) > 0.0 { turned.dot(to_light).max(0.0) } else { 0.0 };

@@ -1,5 +1,5 @@
-//! The program with Fresnel weights, and both colours blended at every bounce. Weights are exact unless the pass asks
-//! for Schlick's. `final` shares this glass.
+//! The program with Fresnel weights, and with the reflected and the refracted colour blended at every bounce. Weights are exact unless the pass
+//! asks for Schlick's. `final` uses the same glass.
 
 use crate::effects::dielectric::{AllWays, Media, Sample, Walk, Ways};
 use crate::effects::optics::{REFLECTED, REFRACTED, interface, reflect};
@@ -29,8 +29,8 @@ pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pix
     of_bodies(pass, pixel, AllWays, work)
 }
 
-/// One sample of [`pixel_of_bodies`]; the mean of samples over all ways is the pixel's colour. Where a sample notes nothing stochastic, it
-/// equals that colour to the bit.
+/// One sample of [`pixel_of_bodies`]; the mean of samples over all ways is the pixel's colour. A sample without stochastic events equals that
+/// colour to the bit.
 pub fn sample<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     pixel: Pixel,
@@ -64,7 +64,7 @@ pub(in crate::effects) struct Glass<'p, 'a, T, C, F> {
     pub shade: F,
 }
 
-/// A surface of glass that a path has come to.
+/// A surface of glass at which a path has arrived.
 #[derive(Clone, Copy)]
 pub(in crate::effects) struct Seen<'s, K> {
     pub triangle: u32,
@@ -120,7 +120,7 @@ where
         self.pass.tracer.announce(Announcement { purpose, bounce, weight });
     }
 
-    /// Radiance that arrives at a surface from a direction; the cone is the one that leaves the surface.
+    /// Radiance that arrives at the surface `from` along the ray that leaves it in a direction; the cone is the one of that ray.
     fn radiance(
         &self,
         from: &Surface,

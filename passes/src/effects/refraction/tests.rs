@@ -209,8 +209,7 @@ fn bent_normals_never_send_light_through_the_surface() {
     world.bend_normals(Vec3::new(-1.0, 0.0, 0.1));
     let (pixel, _) = look(&world, 60.0, Corrected, RayParams::default());
     let r = reflectance(60.0, 1.1);
-    // The walls are lit by their own bent normals, turned to the ray. Light travels along y, so only ambient light
-    // remains.
+    // The walls are lit by their own bent normals, flipped to face the ray. Light travels along y, so only ambient light remains.
     assert_close(pixel, 0.3 * (r * FRONT + (1.0 - r) * BEHIND), 2e-6, "geometric");
 }
 

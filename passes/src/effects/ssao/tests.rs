@@ -192,11 +192,11 @@ fn directions_below_the_triangle_are_mirrored_so_that_an_open_floor_is_open() {
     world.bend_normals(Vec3::new(tilt.sin(), 0.0, tilt.cos()));
     let shot = Shot::of(&world, EYE, grid(30, Vec3::ZERO, Vec3::X, Vec3::Y));
     let params = RayParams { samples: 64, ..LINEAR };
-    // Brute force never answers that nothing is in reach: every direction is traced, mirrored ones too.
+    // Brute force never reports that nothing is in reach: every direction is traced, mirrored ones too.
     let (values, rays) = occlusion(&shot, Corrected, params);
     assert!(values.iter().all(|value| *value == 1.0));
     assert_eq!((rays.occlusion, rays.certain), (900 * 64, 0));
-    // The tree does answer that, so no ray is traced.
+    // The tree reports that nothing is in reach, so no ray is traced.
     let (pixels, rays) = shot.run_on(&world.tree(), &shot.job(RayProgram::Ssao, Corrected, params));
     assert!(pixels.iter().all(|pixel| pixel[0] == 1.0));
     assert_eq!((rays.occlusion, rays.certain), (0, 900 * 64));
@@ -204,7 +204,7 @@ fn directions_below_the_triangle_are_mirrored_so_that_an_open_floor_is_open() {
 
 #[test]
 fn the_hemisphere_is_on_the_viewers_side_in_corrected_only() {
-    // A floor whose normals look down, above a cellar 0.1 deep, seen from above.
+    // A floor whose normals point down, above a cellar 0.1 deep, seen from above.
     let (mut world, paint) = floor();
     world.bend_normals(Vec3::NEG_Z);
     world.quad(paint, Vec3::Z * -0.1, Vec3::X * 9.0, Vec3::Y * 9.0);
@@ -344,7 +344,7 @@ fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
     assert_eq!(shot.run_on(&world.brute_force(), &job).0, [[1.0; 4]]);
 }
 
-/// A tracer that answers ray by ray, and gathers no triangles.
+/// A tracer that traces ray by ray, and gathers no triangles.
 struct OneByOne<'t>(&'t Bvh);
 
 impl Tracer for OneByOne<'_> {
@@ -361,8 +361,7 @@ impl Tracer for OneByOne<'_> {
 fn pixels_that_share_what_is_near_are_what_they_are_ray_by_ray() {
     let (mut world, paint) = floor();
     let glass = world.glass();
-    // Pillars, boards above the floor (some of them turned) and a pane. The ray grid has fewer rays far from the
-    // middle.
+    // Pillars, boards above the floor (some of them tilted) and a pane. The ray grid has fewer rays far from the middle.
     for x in -4..=4_i32 {
         for y in -4..=4_i32 {
             let center = Vec3::new(x as f32 * 0.7, y as f32 * 0.6, 0.0);

@@ -31,7 +31,7 @@ struct Careful<'w> {
     /// Scale of the scene: lengths and differences below `MARGIN` times this are too close to a rounding decision.
     size: f64,
     delicate: AtomicBool,
-    /// Whether a ray looked for a nearest surface, beyond the pixel's own.
+    /// Whether a closest-hit ray was traced, after the pixel's own surface.
     bounced: AtomicBool,
 }
 

@@ -45,7 +45,7 @@ struct Camera {
     towards: Vec3,
     count: u32,
     pixel: f32,
-    /// By which part of a pixel the picture is shifted.
+    /// Shift of the picture, in pixels.
     shift: DVec2,
 }
 
@@ -71,8 +71,7 @@ impl Camera {
     }
 }
 
-/// A plane y = 0 with a texture that lies side by side `repeat` times in each scene unit. It is lit from below, so its upper side is in
-/// ambient light.
+/// A plane y = 0 with a texture that repeats `repeat` times in each scene unit. It is lit from below, so its upper side is in ambient light.
 fn floor(world: &mut World, texture: Texture, repeat: f32) {
     let material = world.picture([[0; 4]; 2], None);
     *world.scene.textures.last_mut().expect("it was added") = texture;
@@ -96,7 +95,7 @@ fn over_a_pixel(at: DVec2, place: impl Fn(DVec2) -> DVec2) -> [DVec2; 2] {
     [DVec2::X, DVec2::Y].map(|side| (place(at + side * step) - place(at - side * step)) / (2.0 * step))
 }
 
-/// `log2` of the longer side of what a pixel covers, in texels.
+/// `log2` of the longer axis of the ellipse that a pixel covers, in texels.
 fn longer_side([along, down]: [DVec2; 2]) -> f64 {
     let map = DMat2::from_cols(along, down) * f64::from(SIDE);
     let square = map * map.transpose();
@@ -135,7 +134,7 @@ const AT_MIRROR: Camera = Camera {
     shift: DVec2::ZERO,
 };
 
-/// Where the mirrored camera sees the floor; NaN where there is no mirror before it.
+/// The texture coordinates of the floor that the mirrored camera sees; NaN where the line of sight does not meet the mirror.
 fn in_mirror(camera: &Camera, at: DVec2, repeat: f32) -> DVec2 {
     let turned = DVec3::new(1.0, 1.0, -1.0);
     let (eye, direction) = (camera.eye.as_dvec3(), camera.direction(at));
@@ -437,7 +436,7 @@ fn roughness_and_filters_of_glass_are_read_at_the_level_of_the_pixel() {
 #[test]
 fn bumps_and_glow_in_a_mirror_are_read_at_the_level_of_the_cone() {
     let (camera, _) = SQUARE;
-    // A wall behind the camera, lit along its normal; its bumps lean at level 0.
+    // A wall behind the camera, lit along its normal; level 0 of its normal map tilts the normals.
     let mut world = World::lit_along(Vec3::Z);
     let (glass, wall) = (world.glass(), world.paint(Vec3::splat(0.5)));
     world.quad(glass, Vec3::ZERO, Vec3::X * 0.5, Vec3::Y * 0.5);
@@ -452,7 +451,7 @@ fn bumps_and_glow_in_a_mirror_are_read_at_the_level_of_the_cone() {
     for (zero, cones) in draw(TextureLod::Zero).iter().zip(draw(TextureLod::Cones)) {
         let green = |cosine: f32| 0.5 * (SUN_COLOR.y * cosine + 0.3);
         assert!(zero[1] < green(0.6), "{zero:?}");
-        // The bumps are read between level 0, which leans, and level 1.
+        // The normal map is read between level 0, which tilts the normals, and level 1, which does not.
         let glow = cones[0] - 0.5 * (SUN_COLOR.x * (cones[1] / 0.5 - 0.3) / SUN_COLOR.y + 0.3);
         assert!((glow / (level * f32::from(STEP) / 255.0) - 1.0).abs() < 0.02, "{glow} {level}");
         assert!(cones[1] > green(0.9), "{cones:?}");

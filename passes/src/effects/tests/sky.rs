@@ -11,7 +11,7 @@ use glam::{Vec3, Vec4};
 
 const BLUE: Vec3 = Vec3::new(0.2, 0.5, 0.9);
 
-/// A floor with a block, and a box around both; `is_sky` says whether the box is a sky. `has_mirror` adds a mirror.
+/// A floor with the top and a side of a block, and a box around them; `is_sky` says whether the box is a sky. `has_mirror` adds a mirror.
 fn covered(has_mirror: bool, is_sky: bool) -> World {
     let mut world = World::lit_along(Vec3::new(0.5, -1.0, -0.3));
     let paint = world.paint(Vec3::new(0.8, 0.7, 0.5));

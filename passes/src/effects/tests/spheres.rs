@@ -92,8 +92,7 @@ fn a_shadow_is_the_cylinder_behind_the_sphere() {
         let position = Vec3::from_slice(&shot.position[index]);
         let expected = if shot.triangle[index] >= 2 {
             own += 1;
-            // A point turned away from the light is in its own shadow. Such pixels are dark already, so the program
-            // answers 1.
+            // A point that faces away from the light is in its own shadow. The colour of such a pixel is dark already, so the program writes 1.
             1.0
         } else {
             let from = position - center;

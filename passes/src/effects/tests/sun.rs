@@ -289,7 +289,7 @@ fn packets_give_what_brute_force_gives() {
             let (expected, expected_rays) = shot.run_on(&world.brute_force(), &job);
             let (found, rays) = shot.run_on(&world.tree(), &job);
             let apart = |(a, b): &(&[f32; 4], &[f32; 4])| a.iter().zip(*b).any(|(a, b)| (a - b).abs() > 1e-6);
-            // For rays that graze an edge, either answer is right.
+            // For rays that graze an edge, either result is right.
             let wrong = expected.iter().zip(&found).filter(apart).count();
             assert!(wrong <= 4, "{program:?} in world {index}: {wrong} pixels");
             assert_eq!(rays.shadow, expected_rays.shadow);

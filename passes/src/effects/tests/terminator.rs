@@ -71,7 +71,7 @@ fn a_flat_shaded_convex_body_is_never_in_its_own_shadow() {
     }
 }
 
-/// Measures the light that triangles turned away from the light would lose: see `docs/numerics.md`.
+/// Measures the light that triangles facing away from the light would lose: see `docs/numerics.md`.
 #[test]
 fn smooth_spheres_are_hardly_in_their_own_shadow() {
     for rings in [4, 8, 16] {
@@ -104,8 +104,8 @@ fn shares_in_final(rings: u32, params: RayParams) -> Vec<(f32, f32)> {
     found
 }
 
-/// The border of the light follows the smooth surface, not the edges of triangles. Where the surface is turned away it is dark, although its
-/// triangle is not turned away; where it faces the light it is lit.
+/// The border of the light follows the smooth surface, not the edges of triangles. Where the smooth surface faces away from the light it is dark,
+/// although its triangle does not face away; where the smooth surface faces the light it is lit.
 #[test]
 fn the_border_of_the_light_is_that_of_the_smooth_surface() {
     for rings in [4, 8, 16] {
@@ -119,7 +119,7 @@ fn the_border_of_the_light_is_that_of_the_smooth_surface() {
     }
 }
 
-/// The same for a disc. Farther from the border than half its angle, the disc is wholly above or below the horizon; at the border, half of it is.
+/// As above, for a disc. Farther from the border than half its angle, the disc is wholly above or below the horizon; at the border, half of it is.
 #[test]
 fn the_penumbra_on_a_smooth_sphere_is_a_band_around_its_border() {
     let (sun, rings) = (12.0_f32, 8);

@@ -155,7 +155,7 @@ impl World {
         self.scene.geometry.spheres.push(Sphere { center, radius, material });
     }
 
-    /// The tree over the exact spheres, with the alpha test asked at every hit.
+    /// The tree over the exact spheres, with the alpha test evaluated at every hit.
     pub fn spheres(&self) -> SphereTree {
         SphereTree::build(&self.scene.geometry, &vec![true; self.scene.materials.len()])
     }
@@ -190,7 +190,7 @@ impl World {
         }
     }
 
-    /// The brute-force reference tracer, with the alpha test asked at every hit, as in the backend.
+    /// The brute-force reference tracer, with the alpha test evaluated at every hit, as in the backend.
     pub fn brute_force(&self) -> BruteForce {
         BruteForce::new(&self.scene.geometry, &vec![true; self.scene.materials.len()])
     }

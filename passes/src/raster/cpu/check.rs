@@ -9,7 +9,8 @@ fn refuse(what: &str, why: String) -> Result<(), BackendError> {
     Err(BackendError::Unsupported { backend: "cpu", what: what.to_owned(), why })
 }
 
-/// Refuses targets that lack an attachment that the job asks for.
+/// Refuses targets in which an attachment of the job does not have one value for each pixel. The same holds for the depth, if the job loads or
+/// stores it or the target has one.
 pub(super) fn target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
     let asked = job.attachments;
     let pixels = target.width as usize * target.height as usize;

@@ -58,7 +58,8 @@ pub(super) struct Frame<'a> {
     pub geometry: &'a Geometry,
     /// The scene's vertices on the screen, one for each position.
     pub vertices: &'a [ScreenVertex],
-    /// By bin, over all rounds of the draw: the bin's clipped parts.
+    /// The clipped parts of each bin, a run of consecutive triangles. Bins are numbered through all rounds of the draw; those of later rounds are
+    /// not filled yet.
     pub clipped: &'a [Vec<ClippedTriangle>],
 }
 

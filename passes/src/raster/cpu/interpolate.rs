@@ -36,7 +36,7 @@ impl Barycentric {
         let pixel = f64::from(PIXEL);
         let (mut edges, mut scale) = ([y0 * x2 - x0 * y2, y1 * x0 - x1 * y0], 1.0 / area);
         let mut steps = [[y2 * pixel, -y1 * pixel], [-x2 * pixel, x1 * pixel]];
-        // The triangle has no area before snapping, so no pixel is inside it: every edge function is negative.
+        // The triangle has no area before snapping, so no pixel is inside it: edge functions 1 and 2 are set to a negative number.
         if area == 0.0 {
             (edges, scale, steps) = ([-1.0; 2], 1.0, [[0.0; 2]; 2]);
         }
@@ -44,7 +44,7 @@ impl Barycentric {
         Self { edges, area, scale, right, down, inv_w: [v0.inv_w, v1.inv_w, v2.inv_w] }
     }
 
-    /// Whether a pixel of the row lies outside of the triangle.
+    /// Whether the pixel `column` pixels to the right of the first one lies outside of the triangle.
     #[inline(always)]
     pub(super) fn is_outside(&self, column: f64) -> bool {
         let [e1, e2] = [0, 1].map(|edge: usize| self.edges[edge] + self.right[edge] * column);
@@ -156,7 +156,7 @@ impl Perspective {
     }
 }
 
-/// The values of a vertex attribute at the corners of a part of a triangle; interpolated there if the part was clipped.
+/// The values of a vertex attribute at the corners of a part of a triangle. Those of a clipped part are interpolated from the whole triangle.
 #[inline(always)]
 pub(super) fn attribute<T>(frame: &Frame<'_>, placed: &Placed<'_>, values: &[T]) -> [T; 3]
 where

@@ -54,8 +54,8 @@ use vertex::{Behind, Project, Projection, ScreenVertex};
 /// Vertices that a thread projects in one step.
 const VERTEX_RUN: usize = 1024;
 
-/// Greatest number of bins in a round, which is half a million triangles. Fewer triangles are divided among as many
-/// bins, so that all threads get some.
+/// Greatest number of bins in a round, which is half a million triangles. Fewer triangles are divided among up to
+/// as many bins, so that all threads have work.
 const ROUND: usize = 64;
 
 /// Least number of triangles in a bin; only the last bin may have fewer.
@@ -79,7 +79,7 @@ pub struct CpuRasteriser {
     cuts: Vec<bool>,
     bins: Vec<Bins>,
     clipped: Vec<Vec<ClippedTriangle>>,
-    /// Depths and visible parts: one tile for each thread in draws of one round, otherwise one for each tile of the picture.
+    /// Depths and visible parts: one tile for each thread in draws of one round, otherwise one for each drawn tile.
     tiles: Vec<Mutex<Tile>>,
     /// One row for each thread, in which the thread shades.
     rows: Vec<Mutex<shade::Rows>>,
@@ -138,8 +138,9 @@ impl CpuRasteriser {
         self.stages
     }
 
-    /// Draws a job, without the triangles of hidden materials, into a target of the job's size. Progress advances by
-    /// each bin and each tile; where it is cancelled, the draw ends early and the target's contents are undefined.
+    /// Draws a job, without the triangles of hidden materials, into a target that holds the job's viewport, or a part of it that ends with
+    /// whole tiles. Progress advances by one for each bin and each tile. If it is cancelled, the draw ends early and the target's contents
+    /// are undefined.
     fn render(
         &mut self,
         job: &RasterJob<'_>,

@@ -124,7 +124,7 @@ impl Default for Rows {
 /// Copies a value to a column and the seven after it. The next run overwrites the columns beyond this run.
 #[inline(always)]
 fn spread<T: Copy>(row: &mut [T; ROW], column: usize, value: T) {
-    // The column is in the tile; the remainder tells that to the compiler, which then removes the bounds checks.
+    // The column is in the tile, so the remainder changes nothing; it lets the compiler remove the bounds checks.
     let column = column % TILE;
     let lanes: &mut [T; LANES] = (&mut row[column..column + LANES]).try_into().expect("as many as lanes");
     *lanes = [value; LANES];
@@ -540,7 +540,7 @@ impl Rows {
         }
     }
 
-    /// Replaces the normals and light cosines of bent pixels.
+    /// Replaces the interpolated normals and their light cosines by the bent ones, at pixels with a normal map.
     #[inline(always)]
     fn take_bent(&mut self, wanted: Wanted, width: usize) {
         for column in 0..width {

@@ -26,8 +26,8 @@ pub(super) struct Grid {
 
 impl Grid {
     /// The grid of a viewport, for a target that holds the rectangle `target` of the picture. `None` where the target
-    /// holds nothing of the viewport, or does not end with whole tiles: its tiles would then differ from those of the
-    /// whole viewport.
+    /// holds nothing of the viewport, or does not end with whole tiles: the target's tiles would then differ from those
+    /// of the whole viewport.
     pub fn new(viewport: Rect, target: Rect) -> Option<Self> {
         let tiles = |pixels: u32| (pixels as usize).div_ceil(TILE);
         let part = drawn_part(viewport, target)?;

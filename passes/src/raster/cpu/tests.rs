@@ -137,7 +137,7 @@ fn lamps_light_a_floor_by_the_inverse_square_add_and_end_at_their_cones() {
         assert!((f64::from(position[3]) - cosine).abs() < 1e-6, "{point}");
     }
     assert!(cones[0] > 500 && cones[1] > 500, "{cones:?}");
-    // The colour is the same where positions are not asked for, and without light it is ambient.
+    // The colour is the same if the job has no position attachment. Where no light arrives, the colour is the ambient share.
     let alone = Attachments { color: true, ..Attachments::default() };
     assert_eq!(draw(&RasterJob { attachments: alone, ..job }).color, target.color);
     let dark = draw(&RasterJob { lights: &[behind], ..job });

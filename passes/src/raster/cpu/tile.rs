@@ -54,7 +54,8 @@ impl Default for Tile {
 /// An edge function over pixels. A pixel is inside if `a * column + b * row + c >= 0`; pixels on a top or left edge are
 /// inside, too.
 ///
-/// In units of 1/256 pixel it is `E = 256 (a column + b row) + C`, all integers; `c = floor(C / 256)` keeps its sign.
+/// In units of 1/256 pixel the edge function is `E = 256 (a column + b row) + C`, all integers. `E` divided by 256, with
+/// `c = floor(C / 256)`, has the sign of `E`.
 /// `|a|, |b| <= 7_340_032`, and columns and rows are below 72, so `|a column + b row| < 2^30`. Clamping `c` to `±2^30`
 /// keeps the sign, too, and keeps the sum within 32 bits.
 #[derive(Debug, Clone, Copy)]

@@ -7,18 +7,18 @@ use glam::{Vec3, Vec4};
 /// Sub-pixel units in a pixel.
 pub(super) const UNITS: i32 = 256;
 
-/// Fractions of a sub-pixel unit in which a corner's place before snapping is kept. This is the full precision of an
+/// Fractions into which a sub-pixel unit is divided to store a corner's place before snapping. This is the full precision of an
 /// `f32` coordinate in a picture of 1024 pixels.
 pub(super) const FINE: i32 = 64;
 
 /// Greatest side of a viewport, in pixels.
 pub(super) const MAX_SIDE: u32 = 16384;
 
-/// Corners lie at most this many pixels from the viewport's centre. Then differences of coordinates are at most
+/// Corners lie at most this many pixels from the viewport's centre. Then differences of coordinates, in sub-pixels, are at most
 /// `2 * 14336 * 256 = 7_340_032`, and an edge function over a tile, in steps of pixels, is below 2^31 (see `Edge`).
 const GUARD: u32 = 14336;
 
-/// Value of `fine_x` for a vertex that has no place on the screen: triangles that use the vertex are clipped.
+/// Value of `fine_x` for a vertex that lies outside the clipping planes: triangles that use the vertex are clipped.
 const NEEDS_CLIPPING: i32 = i32::MIN;
 
 /// A homogeneous `w` outside this range counts as on the eye's plane or at infinity. Inside the range nothing
@@ -137,7 +137,8 @@ impl Projection {
             & (w <= *W_RANGE.end())
     }
 
-    /// Screen coordinates of a vertex that is [inside](Self::inside), or on the border of the inside.
+    /// Screen coordinates of a vertex that is [inside](Self::inside), or on the border of that region, as corners of the clipper
+    /// are.
     #[inline(always)]
     pub fn screen(&self, [x, y, z, w]: [f32; 4]) -> ScreenVertex {
         let inv_w = 1.0 / w;

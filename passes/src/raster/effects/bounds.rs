@@ -17,7 +17,7 @@ impl Bounds {
     /// The box of no points.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The box around all triangles but the sky's.
+    /// The box around all triangles, except those of the sky.
     #[must_use]
     pub fn of_scene(geometry: &Geometry) -> Self {
         if geometry.triangles.is_empty() {
@@ -48,7 +48,7 @@ impl Bounds {
         Self { min: self.min.min(point), max: self.max.max(point) }
     }
 
-    /// The box around both boxes.
+    /// The smallest box that contains `self` and `other`.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -78,7 +78,7 @@ impl Bounds {
         self.corners().iter().map(|corner| corner.distance(point)).fold(0.0, f64::max)
     }
 
-    /// Greatest value in the box of an affine function: the dot product of `plane` and `(p, 1)`.
+    /// Greatest value of the affine function `dot(plane, (p, 1))` over the points `p` of the box.
     #[must_use]
     pub fn farthest(&self, plane: DVec4) -> f64 {
         self.corners().iter().map(|corner| plane.dot(corner.extend(1.0))).fold(f64::NEG_INFINITY, f64::max)
@@ -120,7 +120,7 @@ struct Polygon {
 }
 
 impl Polygon {
-    /// Four corners, and at most one more for each plane; rounding may add further ones.
+    /// Room for points: four corners, one more for each of six planes, and two that rounding may add. Further points are dropped.
     const MOST: usize = 12;
 
     fn new(corners: [DVec3; 4]) -> Self {
@@ -190,7 +190,8 @@ impl Frustum {
     pub fn depth_plane(&self) -> Option<DVec4> {
         let row = self.clip_from_world.row(3);
         let length = row.truncate().length();
-        // For an orthographic camera, rounding to 32-bit floats leaves a remainder of up to this size.
+        // For an orthographic camera, `length` is 0, except for a remainder from the matrix's rounding to 32-bit floats. The threshold
+        // is the greatest such remainder.
         let scale = self.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
         (length * scale > 1e-6 * row.w.abs()).then(|| row / length).filter(|plane| plane.is_finite())
     }
@@ -201,7 +202,7 @@ impl Frustum {
         [7, 0].map(|corner: usize| plane.dot(self.corners[corner].extend(1.0)))
     }
 
-    /// The part of the frustum between two depths.
+    /// The part of the frustum between the depths `near` and `far`, measured by `plane` (the result of [`Self::depth_plane`]).
     #[must_use]
     pub fn slice(&self, plane: DVec4, [near, far]: [f64; 2]) -> Self {
         let corners = std::array::from_fn(|index| {

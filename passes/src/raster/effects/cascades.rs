@@ -5,7 +5,7 @@
 //! VRCIA 2006). That paper blends logarithmic with uniform splits, because logarithmic splits between the camera's
 //! planes waste the first maps on the empty space before the eye. Here the depth range of the lit pixels is split
 //! instead (Lauritzen, Salvi and Lefohn, "Sample Distribution Shadow Maps", I3D 2011). Measured on both views of the
-//! shipped square, the fewer uniform splits in the blend, the nearer the shadows are to ray-traced ones.
+//! shipped square, the less the blend weights the uniform splits, the nearer the shadows are to ray-traced ones.
 //!
 //! # Which map serves a pixel
 //! The first map that contains the pixel's whole filter. The choice needs no depth of the pixel. The chosen map is
@@ -43,7 +43,7 @@ pub fn lit_depths(job: &EffectJob<'_>) -> Option<[f32; 2]> {
     depths.reduce_with(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// The plane whose dot product with `(p, 1)` is the depth of `p`; 0 for an orthographic or degenerate camera, whose
+/// The plane whose dot product with `(p, 1)` is the depth of `p`; the zero vector for an orthographic or degenerate camera, whose
 /// depths [`Cascades::new`] does not use.
 #[must_use]
 pub fn depth_plane(view: &View) -> Vec4 {

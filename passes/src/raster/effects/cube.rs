@@ -1,7 +1,7 @@
 //! Cube maps: the cameras of the six faces, and the lookup of a direction.
 //!
 //! Faces, their order and orientation are those of OpenGL, Vulkan, Direct3D and WebGPU (Vulkan 1.3, section 16.5.4): +x, -x,
-//! +y, -y, +z, -z, each seen from the middle with the row order of images.
+//! +y, -y, +z, -z, each seen from the cube's centre with the row order of images.
 
 use curitiba_pipeline::backend::View;
 use glam::{DMat4, DVec3, DVec4, Vec2, Vec3};
@@ -25,7 +25,7 @@ pub(crate) const AXES: [[Vec3; 3]; FACES] = [
 /// the winding of back faces. Maps are drawn without culling, so both windings are drawn.
 ///
 /// # Panics
-/// If there is no such face.
+/// If `face` is not below [`FACES`].
 #[must_use]
 pub fn view(face: usize, center: Vec3, near: f32, far: f32) -> View {
     let [forward, right, down] = AXES[face].map(Vec3::as_dvec3);
@@ -54,8 +54,8 @@ pub fn locate(direction: Vec3) -> (usize, Vec2) {
     (face, Vec2::new(direction.dot(right), direction.dot(down)) * scale + Vec2::splat(0.5))
 }
 
-/// Bilinear filtering of a face of `size` x `size` texels at `at` (from [`locate`]). Coordinates are clamped to the
-/// face, so the places that neighbouring faces read at their seam differ by at most half a texel each.
+/// Bilinear filtering of a face of `size` x `size` texels at `at` (from [`locate`]). Places are clamped to the
+/// centres of the face's outer texels. So at a seam, each of the two faces is read at most half a texel away from the seam.
 ///
 /// # Panics
 /// If the face has less than `size * size` texels.

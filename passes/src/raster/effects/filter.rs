@@ -21,7 +21,8 @@ use rayon::prelude::*;
 pub const SPLINE: [f32; 3] = [0.375, 0.25, 0.0625];
 /// The cosine of 45 degrees between two normals, at which their weight is 0.
 pub const LEAST_COSINE: f32 = std::f32::consts::FRAC_1_SQRT_2;
-/// How far a position may be off another's tangent plane, as a part of their distance.
+/// Least distance of a position from another position's tangent plane at which their weight is 0, as a part of the distance between the
+/// two positions.
 pub const MOST_OFF: f32 = 0.2;
 
 /// A share for each pixel, and the surfaces in which edges are found. The memory is kept from picture to picture.
@@ -67,7 +68,8 @@ impl Filter {
         Ok(())
     }
 
-    /// Filters `levels` levels, at most [`MAX_FILTER_LEVELS`], and returns the filtered shares. A cancelled run skips rows.
+    /// Filters `levels` levels, at most [`MAX_FILTER_LEVELS`], and returns the filtered shares. After a cancellation, rows are
+    /// skipped, and the shares are meaningless.
     pub fn run(&mut self, levels: u32, progress: &Progress) -> &[f32] {
         let width = self.width;
         for level in 0..levels.min(MAX_FILTER_LEVELS) {
@@ -170,7 +172,7 @@ mod tests {
         unit(pcg4d([index, 7, 0, 0])[0])
     }
 
-    /// A picture of a wall in the left half and another surface in the right half, offset by `behind` in z and turned by an angle.
+    /// A picture of a wall in the left half and another surface in the right half, offset by `behind` in z and rotated by the angle `turned`.
     fn walls(behind: f32, turned: f32) -> [Vec<[f32; 4]>; 2] {
         let pixels = 0..SIDE * SIDE;
         let left = |index: u32| index % SIDE < SIDE / 2;
@@ -217,7 +219,7 @@ mod tests {
         };
         assert!(kept(&walls(20.0, 0.0)) && kept(&walls(-20.0, 0.0)), "a step");
         assert!(kept(&walls(0.0, 0.8)) && kept(&walls(0.0, 1.4)), "a fold of more than 45 degrees");
-        // The control: in one plane nothing tells the halves apart.
+        // The control: in one plane the filter mixes the two halves.
         assert!(!kept(&walls(0.0, 0.0)));
     }
 

@@ -116,7 +116,7 @@ pub struct Mirror {
 pub struct Mirrors {
     /// Ordered by number of pixels, the most first; equals by plane index.
     pub chosen: Vec<Mirror>,
-    /// Number of glass pixels, and of those that no mirror serves.
+    /// Number of glass pixels, then number of glass pixels that show no mirror.
     pub glass_pixels: [u64; 2],
 }
 
@@ -145,7 +145,7 @@ impl Mirrors {
 
 /// The picture's camera, prepared for mirroring.
 struct Camera {
-    /// Matrix to clip space, from positions relative to the eye in perspective, else from positions.
+    /// Matrix to clip space, from positions relative to the eye in perspective, else from world positions.
     matrix: DMat4,
     /// Position of the eye; without perspective, a point far away.
     eye: DVec3,
@@ -157,7 +157,8 @@ struct Camera {
 
 /// Depth mapping of mirrored cameras. They see up to the far end of the scene, as rays do, whatever the picture's far plane is.
 enum Depth {
-    /// In perspective, `near / w`: 1 at the camera's near distance, with the same relative precision at all distances.
+    /// In perspective, depth is `near / w`, where `near` is this number. Depth is 1 at the camera's near distance, and has the same relative
+    /// precision at all distances.
     Near(f64),
     /// Without perspective, linear over the box around the scene.
     Scene(Bounds),
@@ -213,7 +214,7 @@ impl Camera {
         }
         let view = match &self.depth {
             Depth::Near(near) => {
-                // The rounded eye is the origin of positions; this corrects the matrix for its rounding.
+                // Positions are relative to the rounded eye. The translation in `rest` corrects the matrix for the eye's rounding.
                 let rest = turn * DMat4::from_translation(eye.as_dvec3() - mirrored_eye);
                 let mut matrix = (self.matrix * rest).transpose();
                 matrix.z_axis = DVec4::W * *near;

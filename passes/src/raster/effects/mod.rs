@@ -15,15 +15,15 @@
 //!
 //! # Pixels that an effect leaves alone
 //! The rules are those of the ray programs in corrected fidelity. `shadowMap` writes 1 where the position's `w` is not above 0
-//! (background, and surfaces turned away from the light). The occlusions write 1 where the normal is 0 (background).
-//! Cube maps, mirrors and screen-space rays keep the colour of pixels that are not glass; mirrors also keep that of glass
-//! without a mirror. Alpha is 1 except for kept colours, and for pixels that are left to rays (`Answers::LEFT`).
+//! (background, and surfaces facing away from the light). The occlusions write 1 where the normal is 0 (background).
+//! Cube maps, mirrors and screen-space rays keep the colour of pixels that are not glass; mirrors also keep the colour of
+//! glass without a mirror. Alpha is 1 except for kept colours, and for pixels that are left to rays (`Answers::LEFT`).
 //!
 //! # Differences from the ray programs
 //! - The geometric normal is unknown: sides and slopes are those of the shading normal.
 //! - Cube maps show the world from the centre of a pane, shaded as in the G-buffer (stored normals, filtered textures,
 //!   emission), and without glass.
-//! - Mirrors show the hits of rays that are mirrored once, shaded in the same way, and without glass.
+//! - Mirrors show the hits of rays that are mirrored once, shaded as in the G-buffer, and without glass.
 //! - Occlusions know only the surfaces that the camera sees.
 
 pub mod bounds;
@@ -54,7 +54,8 @@ use std::sync::{Arc, Weak};
 /// Greatest number of bytes that the maps of one effect may take.
 pub const MAX_MAP_BYTES: u64 = 4 << 30;
 
-/// Data that effects derive from a scene, computed on first use and kept until another scene is uploaded.
+/// Data that effects derive from a scene, computed on first use and kept until another scene is uploaded. What depends on glass is also dropped when
+/// other materials are glass.
 #[derive(Debug, Default)]
 pub struct SceneCache {
     /// A weak reference: it keeps the scene's address from being reused, but not the scene alive.
@@ -139,7 +140,7 @@ impl SceneCache {
 /// its own G-buffer, so the job's slices may be empty.
 ///
 /// # Errors
-/// The text says what is wrong, and what would be valid.
+/// The message says what is wrong, and what would be valid.
 pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Result<(), String> {
     let pixels = job.width as usize * job.height as usize;
     if let Some(output) = output
@@ -181,7 +182,7 @@ pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Res
 /// Refuses a program's maps if they would take too much memory.
 ///
 /// # Errors
-/// The text says how much memory, and what to change.
+/// The message says how much memory the maps would take, and which parameters to lower.
 pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String> {
     if bytes <= MAX_MAP_BYTES {
         return Ok(());
@@ -196,7 +197,7 @@ pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String>
     Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower {lower}", gib(bytes)))
 }
 
-/// The unit direction from the eye to a position, and the unit normal turned to the eye. `None` where the normal is 0,
+/// The unit direction from the eye to a position, and the unit normal, negated if it points away from the eye. `None` where the normal is 0,
 /// or the position is the eye's or NaN.
 #[must_use]
 pub fn facing(eye: Vec3, position: Vec3, normal: Vec3) -> Option<(Vec3, Vec3)> {

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 /// A connected piece of glass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pane {
-    /// The box around its triangles.
+    /// The box around the pane's triangles.
     pub bounds: Bounds,
-    /// Number of its triangles.
+    /// Number of the pane's triangles.
     pub triangles: u32,
 }
 
@@ -90,7 +90,7 @@ pub struct Probe {
     pub bounds: Bounds,
     /// Index of the pane in the scene.
     pub pane: u32,
-    /// The box that stands for the surroundings; `None` without box parallax.
+    /// The box that approximates the surroundings; `None` without parallax correction by boxes.
     pub proxy: Option<Proxy>,
 }
 
@@ -109,7 +109,7 @@ impl Probe {
     /// The camera of a face, as [`cube::view`].
     ///
     /// # Panics
-    /// If there is no such face.
+    /// If `face` is not below [`cube::FACES`].
     #[must_use]
     pub fn view(&self, face: usize) -> View {
         cube::view(face, self.center, self.near, self.far)
@@ -122,7 +122,8 @@ impl Probe {
         Eye { center: self.center, near: self.near, far: self.far, half }
     }
 
-    /// Direction in which the cube map is looked up, for a ray from `place` along the unit vector `direction`.
+    /// Direction in which the cube map is looked up, for a ray from the world position `place` along the unit vector
+    /// `direction`.
     #[must_use]
     #[inline]
     pub fn toward(&self, place: Vec3, direction: Vec3) -> Vec3 {

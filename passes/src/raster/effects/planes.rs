@@ -21,17 +21,17 @@ pub const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 /// does not mirror as its plane would.
 pub const MAX_SINE: f64 = 1e-3;
 
-/// Greatest sine including rounding. If the positions determine a plane less well, the triangle is in no mirror.
+/// Limit of the greatest sine, including the tilt by rounding. A triangle whose positions determine a plane less well is in no mirror.
 const LARGEST_SINE: f64 = 0.5 / CELLS;
 
 /// Plane index of triangles that lie in no plane: degenerate or bent.
 pub const NO_PLANE: u32 = u32::MAX;
 
-/// Number of cells per unit of each component of a normal.
+/// Number of cells per unit of each component of a normal, in the grid that planes are looked up in.
 const CELLS: f64 = 32.0;
 
-/// Whether a shading normal is perpendicular to a plane, on either side. `plane` is its unit normal and, in `w`, the
-/// square of the greatest sine.
+/// Whether the sine between a shading normal, of any length but 0, and a plane's normal is within a limit. The two may point to opposite
+/// sides of the plane. `plane` is the plane's unit normal and, in `w`, the square of the limit.
 #[must_use]
 #[inline]
 pub fn agrees(normal: Vec3, plane: Vec4) -> bool {
@@ -46,11 +46,11 @@ pub struct GlassPlane {
     pub normal: DVec3,
     /// Dot product of the normal and a point of the plane.
     pub offset: f64,
-    /// Greatest distance from the plane of a corner of the plane's glass; such distances are due to rounding.
+    /// Greatest distance between the plane and a corner of the plane's glass, which is due to rounding.
     pub slack: f64,
-    /// Greatest sine between the plane's normal and the shading normals of its glass.
+    /// Greatest sine between the plane's normal and the shading normals of glass in the plane.
     pub max_sine: f64,
-    /// The box around its glass.
+    /// The box around the glass in the plane.
     pub bounds: Bounds,
 }
 
@@ -84,18 +84,18 @@ pub struct Run {
 /// The glass of a scene, grouped by plane.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Glazing {
-    /// Ordered by the largest triangle of each, the largest first.
+    /// Ordered by the area of each plane's largest triangle, in descending order.
     pub planes: Vec<GlassPlane>,
     /// All glass triangles, in ascending order.
     pub runs: Vec<Run>,
 }
 
-/// The triangle that defined a plane, and how exactly it does.
+/// The triangle that defined a plane: the numbers that determine the plane's error.
 struct Facet {
     middle: DVec3,
-    /// Position error of its corners.
+    /// Position error of the triangle's corners.
     rounding: f64,
-    /// Its shortest height.
+    /// The triangle's shortest height.
     height: f64,
 }
 
@@ -120,7 +120,7 @@ fn measure([a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f64)> {
     (height > 0.0 && height.is_finite()).then_some((normal, height))
 }
 
-/// The cells that may contain the unit normals of planes that agree with this one: two or three along each axis.
+/// The cells that may contain the unit normals of planes that agree with this normal: two or three along each axis.
 fn cells(normal: DVec3) -> impl Iterator<Item = [i8; 3]> {
     // With a margin for rounding.
     let reach = 1.01 * LARGEST_SINE;
@@ -139,7 +139,7 @@ impl Glazing {
     /// Groups the triangles of the glass materials.
     ///
     /// # Errors
-    /// If there is not enough memory for 12 bytes a triangle of glass.
+    /// If there is not enough memory for 16 bytes a triangle of glass.
     pub fn find(geometry: &Geometry, glass: &[bool]) -> Result<Self, Refused> {
         let ranges = TriangleRanges::new(geometry, glass);
         // Exact spheres have ids after the triangles, and no plane.

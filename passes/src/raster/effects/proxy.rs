@@ -7,10 +7,11 @@
 //! SIGGRAPH 2012 talks). In an empty room of the box's shape this is exact.
 //!
 //! Such boxes are usually placed by hand; this one is computed. The scene is drawn from the centre into six faces of
-//! [`FACE`] x [`FACE`] pixels. Each pixel belongs to the side of the box that its normal faces, with its distance along
-//! that axis. A side is placed at the median of its pixels' distances, weighted by solid angle. From a place at distance
-//! `s` from the centre, the lookup of a point at distance `t` has an angular error of about `s (1/t - 1/d)`, where `d` is
-//! the distance of the side. The median is the `d` that minimises the sum of these errors, and outliers do not move it.
+//! [`FACE`] x [`FACE`] pixels. A pixel's normal is negated if it points to the centre. The pixel then belongs to the side of
+//! the box whose outward direction is nearest to that normal, with the pixel's distance along the side's axis. A side is
+//! placed at the median of its pixels' distances, weighted by solid angle. From a place at distance `s` from the centre, the
+//! lookup of a point at distance `t` has an angular error of about `s (1/t - 1/d)`, where `d` is the distance of the side. The
+//! median is the `d` that minimises the sum of these errors, and outliers do not move it.
 
 use super::cube::{self, FACES};
 use curitiba_pipeline::backend::{Attachments, NO_TRIANGLE, View};
@@ -20,7 +21,7 @@ use glam::{Vec2, Vec3, Vec4};
 /// Pixels along a side of the faces from which boxes are computed.
 pub const FACE: u32 = 64;
 
-/// Attachments of these faces.
+/// Attachments of the faces from which boxes are computed.
 pub const ATTACHMENTS: Attachments = Attachments { color: false, position: true, normal: true, triangle: true };
 
 /// A ray whose unit direction has a component of at most this size along an axis counts as parallel to the two sides across that axis.
@@ -49,8 +50,8 @@ pub struct Proxy {
 }
 
 impl Proxy {
-    /// Computes the box for the surroundings of a cube map; it contains the pane. A side that no pixel faces is at the
-    /// far distance.
+    /// Computes the box for the surroundings of a cube map; it contains the pane. A side to which no pixel belongs is at
+    /// the far distance.
     ///
     /// `draw` must draw the scene without glass, with [`ATTACHMENTS`], into the whole buffer.
     ///
@@ -103,7 +104,7 @@ impl Proxy {
 /// The side of the box that a surface at `offset` from the centre belongs to, and its distance along that side's axis.
 /// Sides 0 and 1 are +x and -x, and so on. `None` if the distance is not above 0 or not finite.
 fn side_of(offset: Vec3, normal: Vec3) -> Option<(usize, f32)> {
-    // The outward normal: the visible side of the surface is turned to the centre, and its normal away from the centre.
+    // The centre sees the inner side of the surface, so the normal that points away from the centre is the outward one.
     let outward = if normal.dot(offset) < 0.0 { -normal } else { normal };
     let axis = outward.abs().max_position();
     let negative = outward[axis] < 0.0;
@@ -118,7 +119,7 @@ fn solid_angle(index: usize) -> f32 {
     (1.0 + at.length_squared()).powf(-1.5)
 }
 
-/// The weighted median of pairs of value and weight: half of the weight lies below it.
+/// The weighted median of pairs of value and weight: half of the weight lies below it. `None` for no pairs.
 fn weighted_median(seen: &mut [(f32, f32)]) -> Option<f32> {
     seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let whole: f64 = seen.iter().map(|(_, weight)| f64::from(*weight)).sum();

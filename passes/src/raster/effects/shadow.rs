@@ -11,7 +11,7 @@ pub const MAX_SLOPE: f32 = 28.0;
 /// Steps per doubling of the radius of the sphere around what the camera sees.
 const RADIUS_STEPS: f64 = 8.0;
 
-/// Exponent of the smallest radius, in [`RADIUS_STEPS`]: 2^-16 of the scene's radius.
+/// Number of steps from the scene's radius to the smallest radius, which is 2^-16 of the scene's radius; negative.
 const SMALLEST: f64 = -16.0 * RADIUS_STEPS;
 
 /// A shadow map's camera.
@@ -39,8 +39,8 @@ pub struct ShadowFit {
     pub is_whole: bool,
     /// World length by which rounding may displace a surface along the light's direction.
     pub rounding: f32,
-    /// Radius of the light's disc in texels, for an occluder that is nearer to the light by a depth of 1; 0 for a point
-    /// light.
+    /// Radius in texels of the cone from a surface to the light's disc, at a place that is nearer to the light by a depth of 1; 0 for
+    /// a point light.
     pub spread: f32,
     /// Margin of the map around the surfaces that it serves, in texels, for occluders of the disc. This is the greatest
     /// radius of a search and of a kernel.
@@ -155,8 +155,8 @@ impl ShadowFit {
     /// Light leaks below occluders that are nearer to the surface than the bias is long; the small texels of cascades
     /// keep it short. An offset along the normal (Holbert, "Normal Offset Shadows", GDC 2011) does not grow with the
     /// slope, but it moves every edge. With an offset large enough that planes do not shadow themselves, the pictures
-    /// of the shipped square are farther from the ray-traced ones. Depths along the receiver's plane (Isidoro, "Shadow
-    /// Mapping: GPU-based Tips and Techniques", GDC 2006) are no nearer.
+    /// of the shipped square are farther from the ray-traced ones. Pictures with depths along the receiver's plane
+    /// (Isidoro, "Shadow Mapping: GPU-based Tips and Techniques", GDC 2006) are no nearer to the ray-traced ones.
     #[must_use]
     #[inline]
     pub fn bias(&self, cos: f32, params: &EffectParams) -> f32 {

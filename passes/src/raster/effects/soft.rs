@@ -1,14 +1,14 @@
 //! Soft shadows from a depth map: percentage-closer soft shadows of a directional light with the shape of a disc.
 //!
-//! Fernando, "Percentage-Closer Soft Shadows", SIGGRAPH 2005, describes the method. The depths around a point tell how
-//! far away the occluder is, and with that the width of the kernel over which the shadow test is averaged. For a disc
-//! at infinity of half angle a, the kernel's radius is the occluder's distance times tan a. This is exact for one
-//! occluder perpendicular to the light: its penumbra is 2 tan a times its distance wide.
+//! Fernando, "Percentage-Closer Soft Shadows", SIGGRAPH 2005, describes the method. The distance of the occluder is
+//! estimated from the depths around a point. This distance gives the width of the kernel over which the shadow test is
+//! averaged. For a disc at infinity of half angle a, the kernel's radius is the occluder's distance times tan a. This is
+//! exact for one occluder perpendicular to the light: its penumbra is 2 tan a times its distance wide.
 //!
 //! # Search for occluders
-//! The search covers as many texels around the point as the disc reaches at the top of the scene, at most as many as
-//! the map has around the point ([`ShadowFit::aside`]). A texel counts if it is in the cone from the point to the disc:
-//! no farther aside than its own distance times tan a. So an object beside the point that does not hide the light
+//! The radius of the search is that of the cone from the point to the disc, at the end of the scene that is nearest to the
+//! light. It is at most the margin that the map has around the point ([`ShadowFit::aside`]). A texel counts if it is in the
+//! cone: no farther aside than its own distance times tan a. So an object beside the point that does not hide the light
 //! widens no penumbra.
 //!
 //! # Bias
@@ -55,7 +55,7 @@ pub struct Taps {
     pub filter: [Tap; FILTER_TAPS],
 }
 
-/// Both lists are spirals that turn by the golden angle from tap to tap.
+/// The taps. Each of the two lists is a spiral whose angle grows by the golden angle from tap to tap.
 pub static TAPS: LazyLock<Taps> = LazyLock::new(|| {
     let tap = |index: usize, radius: f64, weight: f64| {
         let (sin, cos) = (index as f64 * PI * (3.0 - 5f64.sqrt())).sin_cos();

@@ -154,7 +154,7 @@ pub(super) fn draws_spheres(limits: &wgpu::Limits) -> bool {
 /// The adapter that a user names: by its index in [`adapters`], from 0, or by a part of its name, ignoring case.
 ///
 /// # Errors
-/// If no adapter has that name, or several different adapters do; the text lists the adapters.
+/// If no adapter has that name, or several different adapters do; the message lists the adapters.
 pub fn named(name: &str) -> Result<u8, String> {
     place_of(&adapters(), name)
 }
@@ -199,8 +199,8 @@ pub(super) fn select(choice: AdapterChoice) -> Result<(AdapterSummary, wgpu::Ada
     Ok(all.swap_remove(index))
 }
 
-/// Whether the system has any device for a GPU driver. Asking a software driver instead takes a tenth of a second and
-/// 45 MiB, and Mesa's prints a complaint to standard error where there is no desktop.
+/// Whether the system has any device for a GPU driver. Listing the adapters instead loads a software driver, which takes a
+/// tenth of a second and 45 MiB. Mesa's software driver also prints a complaint to standard error where there is no desktop.
 fn may_have_gpu() -> bool {
     if !cfg!(target_os = "linux") {
         return true;

@@ -208,7 +208,7 @@ impl Gpu {
         if self.adapter.kind != AdapterKind::Software {
             return Ok(());
         }
-        // Locked while the device is asked, so that no other thread stores a newer count in between.
+        // Locked while the device's counters are read, so that no other thread stores a newer count in between.
         let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         let counters = self.device.get_internal_counters().hal;
         let held = (counters.buffer_memory.read() + counters.texture_memory.read()) as i64;
@@ -230,7 +230,8 @@ impl Gpu {
         self.wait(doing)
     }
 
-    /// Builds a compute program from WGSL with the entry point `entry`. Its bind group layouts are derived from the text.
+    /// Builds a compute program from the WGSL source `text` with the entry point `entry`. The program's bind group layouts are derived from
+    /// the source.
     pub fn compute_program(
         &self,
         label: &str,
@@ -254,8 +255,8 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// As [`Self::check`], after a program is built whose layout is derived from its text. On a lost device the program has no layout, and
-    /// wgpu 30 panics when asked for it. The device reports its loss when it is polled, so it is polled here.
+    /// As [`Self::check`], after a program is built whose layout is derived from its source. On a lost device the program has no layout, and
+    /// wgpu 30 panics when the layout is requested. A device reports its loss when it is polled, so this function polls it.
     pub fn check_made(&self, doing: &str) -> Result<(), BackendError> {
         self.poll(wgpu::PollType::Poll, doing)
     }
@@ -267,7 +268,7 @@ impl Gpu {
 
     fn poll(&self, how: wgpu::PollType, doing: &str) -> Result<(), BackendError> {
         // wgpu 30 panics if the driver reports a lost device during the poll (`Device::poll` calls
-        // `handle_error_fatal`). After such a panic the device only serves for the text of the error.
+        // `handle_error_fatal`). After such a panic every check returns the loss of the device.
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
             Ok(Ok(_)) => {}
@@ -277,7 +278,7 @@ impl Gpu {
         self.check(doing)
     }
 
-    /// Maps `buffer`, submits `commands`, waits, and passes the first `bytes` bytes to `read`.
+    /// Submits `commands`, maps the first `bytes` bytes of `buffer`, waits, and passes them to `read`.
     pub fn read_mapped(
         &self,
         buffer: &wgpu::Buffer,

@@ -49,7 +49,7 @@ pub(super) struct DrawList {
     stride: usize,
     frame: wgpu::Buffer,
     uniforms: wgpu::Buffer,
-    /// `Lights`; made for the first job with several lights or a positional light.
+    /// Buffer of `Lights`; made for the first job with several lights or a positional light.
     lights: Option<wgpu::Buffer>,
     /// Whether the listed draws bind `Lights`.
     many: bool,
@@ -99,7 +99,8 @@ impl DrawList {
         Self { sky_ids: true, ..self }
     }
 
-    /// Sets that for the following jobs each pixel of `part` is shaded once, or with `None` that triangles are drawn.
+    /// Sets how the following jobs are drawn. With a `part` of the picture, each pixel of the part is shaded once, from the visibility buffer.
+    /// With `None`, triangles are drawn.
     pub fn shade(&mut self, part: Option<Rect>) {
         self.shaded = part;
     }
@@ -233,7 +234,7 @@ impl DrawList {
         Ok(())
     }
 
-    /// Binds the buffers that the listed draws read. This is repeated for each job, because buffers may have been replaced since the last.
+    /// Binds the buffers that the listed draws read. This is repeated for each job, because buffers may have been replaced since the last job.
     fn bind(&mut self, gpu: &Gpu, layouts: &Layouts, geometry: &DeviceGeometry) -> Result<(), BackendError> {
         self.bindings.clear();
         self.plane_bindings.clear();

@@ -26,7 +26,7 @@ pub(crate) fn failure(message: &str) -> BackendError {
     BackendError::Device { backend: NAME, message: format!("{message}; {REMEDY}") }
 }
 
-/// The error for `what` the device cannot do; the remedy follows `why`.
+/// The error for an operation, `what`, that the device cannot do. The remedy is appended to the reason `why`.
 pub(crate) fn unsupported(what: &str, why: &str) -> BackendError {
     BackendError::Unsupported { backend: NAME, what: what.to_owned(), why: format!("{why} {REMEDY}") }
 }

@@ -19,7 +19,7 @@ pub(super) struct Part {
     pub chunk: usize,
     /// Index of the material.
     pub material: u32,
-    /// First triangle of the scene.
+    /// Index in the scene of the first triangle.
     pub first: u32,
     /// Number of triangles.
     pub count: u32,
@@ -30,7 +30,7 @@ pub(super) struct Part {
 /// A run of triangles whose buffers are bound together.
 #[derive(Debug)]
 pub(super) struct Chunk {
-    /// First triangle of the scene.
+    /// Index in the scene of the first triangle.
     pub first: u32,
     /// Number of triangles.
     pub count: u32,
@@ -182,7 +182,7 @@ struct Layout {
 }
 
 impl Layout {
-    /// `widest` is the size of the widest vertex attribute in bytes.
+    /// Chunks whose buffers have at most `max_bytes` bytes. `widest` is the size of the widest vertex attribute in bytes.
     fn new(triangles: usize, vertices: usize, widest: u64, max_bytes: u64) -> Result<Self, BackendError> {
         let shared_vertices = vertices as u64 * widest <= max_bytes;
         // Without shared vertices, each triangle of a chunk may use three vertices of its own.

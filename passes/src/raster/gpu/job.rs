@@ -8,7 +8,8 @@ pub(super) fn is_empty(job: &RasterJob<'_>) -> bool {
     job.attachments == Attachments::default() || job.viewport.width == 0 || job.viewport.height == 0
 }
 
-/// Refuses targets that lack an attachment that the job writes, or part of its viewport.
+/// Refuses targets whose part of the job's viewport is empty or does not end with whole tiles, and targets that lack an attachment that the job
+/// writes, or the depth that it loads or stores.
 pub(super) fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
     if !is_empty(job) && drawn_part(job.viewport, target.held()).is_none() {
         let held = format!("{} x {} from {:?}", target.width, target.height, target.origin);

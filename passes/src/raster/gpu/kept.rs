@@ -1,4 +1,5 @@
-//! Copies contents to the device with which a pass starts instead of clearing, and copies back the depth that the pass leaves.
+//! Copies to the device the contents with which a pass starts if its attachments are not cleared, and copies back the depth that the pass
+//! leaves.
 
 use super::device::Gpu;
 use super::faults::unsupported;
@@ -87,7 +88,8 @@ impl DepthLoader {
         Ok(Self { pipeline })
     }
 
-    /// Writes the depths that `target` holds of a part of the viewport into the depth buffer of `targets`.
+    /// Writes the depths that `target` holds of a part of the viewport into the depth buffer of `targets`. The part is relative to the
+    /// viewport's corner.
     pub fn load(
         &self,
         gpu: &Gpu,

@@ -39,7 +39,7 @@ impl Lending {
         Self { gpu, last: Mutex::default(), pictures: Mutex::default() }
     }
 
-    /// Removes and returns the picture with this number, if there is one. A caller that writes the picture again returns it
+    /// Removes and returns the picture with this number, if there is one. A caller that writes the picture again stores it
     /// by [`Self::keep`].
     pub fn take(&self, number: usize) -> Option<wgpu::Texture> {
         self.pictures.lock().unwrap_or_else(PoisonError::into_inner).remove(&number)

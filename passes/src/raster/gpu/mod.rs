@@ -152,7 +152,7 @@ impl WgpuRasteriser {
         Self::on(&SharedDevice::open(choice)?)
     }
 
-    /// A rasteriser on a device that others use, too.
+    /// A rasteriser on a device that other rasterisers and ray backends may use, too.
     ///
     /// # Errors
     /// If the device fails.
@@ -289,8 +289,8 @@ impl Rasteriser for WgpuRasteriser {
         let LoadStore { load_color, load_depth, store_depth } = job.load_store;
         let part = drawn_part(job.viewport, target.held());
         let Attachments { color, position, normal, .. } = job.attachments;
-        // Triangles are drawn directly with own shaders, which draw over the attachments, and with loaded attachments, which are kept where
-        // nothing is seen.
+        // Triangles are drawn without a visibility buffer in these cases, among others: with own shaders, which draw over the attachments,
+        // and with loaded attachments, which keep their contents where no triangle is seen.
         let shades_pixels = self.shades_pixels
             && self.gpu.shades_pixels()
             && (color || position || normal)

@@ -118,7 +118,7 @@ fn storage(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayou
     }
 }
 
-/// A sampler that is linear within a level and between two levels, unless the texture is magnified and asks for its nearest texel.
+/// A sampler that is linear within a level and between two levels, unless the texture is magnified and `sampling` selects the nearest texel.
 pub(super) fn trilinear(device: &wgpu::Device, sampling: Sampling) -> wgpu::Sampler {
     let [address_mode_u, address_mode_v] = sampling.wrap.map(|wrap| match wrap {
         Wrap::Repeat => wgpu::AddressMode::Repeat,

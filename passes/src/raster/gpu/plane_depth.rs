@@ -17,7 +17,7 @@ pub(super) struct LinesOfSight {
     pub right: Vec4,
     /// Change of [`Self::corner`] for a pixel down.
     pub down: Vec4,
-    /// Change of the point for a change of depth.
+    /// Change of the point for a change of depth by 1.
     pub towards: Vec4,
 }
 

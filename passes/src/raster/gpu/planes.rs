@@ -8,7 +8,7 @@ use curitiba_pipeline::backend::BackendError;
 /// Threads of a workgroup of the program.
 const GROUP: u32 = 64;
 
-/// The program's text.
+/// The program's WGSL source.
 pub(super) const TEXT: &str = concat!(include_str!("camera_planes.wgsl"), "\n", include_str!("planes.wgsl"));
 
 /// The compiled program.

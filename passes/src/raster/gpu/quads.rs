@@ -268,7 +268,8 @@ impl Quads {
         Ok(group)
     }
 
-    /// Fills some rows, waits, and copies their pixels to `place`. Returns the results besides the pixels, and the times.
+    /// Fills some rows, waits, and copies their pixels to `place`. Returns the number of pixels that are not finite, a number that is 0 if all
+    /// pixels have the same colour, and the times.
     fn launch(
         &self,
         gpu: &Gpu,

@@ -6,7 +6,7 @@ use curitiba_pipeline::backend::{Attachments, Light, Rect, Shade, Sun, View};
 use glam::{Mat4, Vec4};
 use std::mem::offset_of;
 
-/// The text that all variants are cut from.
+/// The WGSL source that all variants are cut from.
 const TEXT: &str =
     concat!(include_str!("gbuffer.wgsl"), "\n", include_str!("lights.wgsl"), "\n", include_str!("camera_planes.wgsl"));
 
@@ -45,7 +45,7 @@ pub(super) struct Variant {
     pub sky: bool,
     /// Writes the depth of the triangle's plane in place of the device's.
     pub plane_depth: bool,
-    /// Culls back faces. The shader's text does not depend on this.
+    /// Culls back faces. The shader's source does not depend on this.
     pub culled: bool,
     /// Lets the device discard hidden fragments early, by a depth that is never behind the plane's; implies `plane_depth`.
     pub early: bool,
@@ -113,7 +113,7 @@ impl Variant {
         self.color || self.alpha_cut || self.bent
     }
 
-    /// Whether a fragment leaves anything but its depth.
+    /// Whether a fragment writes anything but its depth.
     pub fn writes(self) -> bool {
         self.color || self.position || self.normal || self.triangle
     }
@@ -155,7 +155,7 @@ impl Variant {
     /// The variant's WGSL. A [per-pixel](Self::per_pixel) variant has placeholders for the formats of its attachments.
     ///
     /// # Panics
-    /// If a directive of the text is malformed, or its name unknown. A test generates the source of every variant.
+    /// If a directive of the source is malformed, or its name unknown. A test generates the source of every variant.
     pub fn source(self) -> String {
         cut("gbuffer.wgsl", TEXT, |name| self.defines(name))
     }
@@ -171,8 +171,8 @@ impl Variant {
     }
 }
 
-/// Cuts a variant from a shader's text. Lines between `//#if NAME` and `//#endif` (with an optional `//#else`) are kept if
-/// `defines` says so for the name. Each directive is a line of its own.
+/// Cuts a variant from a shader's source, `text`. Lines after `//#if NAME` are kept if `defines` returns true for the name, and
+/// lines after an optional `//#else` if it returns false, up to `//#endif`. Each directive is a line of its own.
 ///
 /// # Panics
 /// If the directives are malformed, or `defines` does not know a name.
@@ -313,17 +313,18 @@ impl DrawUniform {
         }
     }
 
-    /// Sets the corner of the pixels that a shading program shades, relative to the part's corner, in the first of these uniforms.
+    /// Sets the corner of the pixels that a shading program shades, relative to the part's corner, in the first uniform in
+    /// `bytes`.
     pub fn set_corner(bytes: &mut [u8], corner: [u32; 2]) {
         bytes[offset_of!(Self, corner)..][..8].copy_from_slice(bytemuck::bytes_of(&corner));
     }
 
-    /// Marks the first of these uniforms as that of the draw that also writes pixels without a triangle.
+    /// Marks the first uniform in `bytes` as that of the draw that also writes pixels without a triangle.
     pub fn set_clears(bytes: &mut [u8]) {
         bytes[offset_of!(Self, clears)..][..4].copy_from_slice(bytemuck::bytes_of(&1_u32));
     }
 
-    /// Sets the number of triangles in the first of these uniforms.
+    /// Sets the number of triangles in the first uniform in `bytes`.
     pub fn set_count(bytes: &mut [u8], count: u32) {
         bytes[offset_of!(Self, count)..][..4].copy_from_slice(bytemuck::bytes_of(&count));
     }

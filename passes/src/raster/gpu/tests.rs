@@ -271,7 +271,7 @@ fn an_effect_on_a_destroyed_device_gives_errors() {
     }
 }
 
-/// Squares with a sphere in front of them, or without.
+/// A scene of squares with these exact spheres, and with the materials `plain` and `own`.
 fn with_spheres(spheres: Vec<Sphere>) -> Arc<RenderScene> {
     let mut scene = squares(4);
     let changed = Arc::make_mut(&mut scene);

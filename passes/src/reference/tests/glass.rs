@@ -442,8 +442,8 @@ fn a_frosted_wall_blurs_what_is_behind_it_and_gains_no_light() {
     );
     let (low, high) = (frosted[0], frosted[15]);
     assert!(frosted.windows(2).all(|pair| pair[1] > pair[0] - 4.0 * own), "{frosted:?}, own error {own}");
-    // Pixels on both sides of the edge together show all light that passes. Of a facet that leans by m, light is lost that it turns by 2 m beyond
-    // the horizon, or that other facets block there.
+    // Pixels on both sides of the edge together show all light that passes. A facet that is tilted by m deflects light by 2 m; that light
+    // is lost where it goes beyond the horizon, or where other facets block it.
     let passing = |alpha: f64| {
         let count = 10_000;
         let of_facet = |number: i32| {

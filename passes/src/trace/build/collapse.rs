@@ -11,17 +11,18 @@ use std::marker::PhantomData;
 const NODE_COST: f32 = 1.0;
 
 /// The first `nodes / SHARE` nodes of the binary tree are large: their halves are planned and written in parallel. obvhs fills its node
-/// list from the end, so the first nodes are those that it merged last, when only that many clusters were left. The subtrees below them are
-/// therefore of similar sizes; a cut by depth would give very unequal ones.
+/// list from the end. So the first `n` nodes are those of its last merges, when about `n` clusters were left, and the subtrees below them
+/// are of similar sizes; a cut by depth would give very unequal ones.
 const SHARE: usize = 512;
 /// Greatest depth at which the halves of a node are still planned in parallel.
 const DEEPEST: u32 = 64;
 
-/// The data of a half, the subtree of a child, that a node of the binary tree needs to plan its own collapse.
+/// The data of a half (the subtree of one child) from which its parent in the binary tree plans its own collapse.
 #[derive(Debug, Clone, Copy)]
 struct Summary {
     triangles: u32,
-    /// Lane `i` holds the least cost of the subtree when it supplies at most `i + 1` children to one node. The last lane is not used.
+    /// Lane `i` holds the least cost of the subtree when it supplies at most `i + 1` children to one node. Costs are sums over nodes and
+    /// leaves, each times half its surface area. The last lane is not used.
     cost: F8,
 }
 

@@ -8,12 +8,13 @@ use crate::trace::tree::{Bounds, Child, Node, STACK};
 use curitiba_pipeline::progress::Progress;
 use rayon::prelude::*;
 
-/// Levels of wide nodes that follow the binary tree. Below them, subtrees are rebuilt by halving, so that their depth is bounded.
+/// Levels of wide nodes that follow the binary tree. Below them, subtrees are rebuilt by division into eight equal parts, so that their
+/// depth is bounded.
 pub(crate) const FREE_DEPTH: usize = 24;
 /// Greatest number of levels. 2³¹ triangles, cut into 8 equal parts at each level, are parts of 2 after 10 levels; one level more is a
 /// margin.
 pub(crate) const MAX_DEPTH: usize = FREE_DEPTH + 11;
-/// The traversal stack suffices: each node on the way down leaves at most 7 siblings on it, and the last node needs room for eight.
+/// The traversal stack suffices: each node on a path leaves at most 7 siblings on the stack, and the last node needs room for eight.
 const _: () = assert!(MAX_DEPTH * (LANES - 1) + LANES <= STACK);
 
 /// Least number of nodes or leaves that a thread takes at a time where the work for each is small.
@@ -27,8 +28,8 @@ pub(crate) struct Emitted<L> {
     pub(crate) root: Child,
 }
 
-/// Writes the tree: first which nodes and leaves there are, then the leaves, and then the nodes around them. `None` if cancelled, which is
-/// checked before each part of the first step and before each of the other two.
+/// Writes the tree: first the layout of nodes and leaves, then the leaves, and then the nodes with their boxes. `None` if cancelled, which
+/// is checked before each part of the first step and before each of the other two.
 pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>, progress: &Progress) -> Option<Emitted<L>> {
     let layout = Layout::new(&Source { plan, triangles, most: L::MOST }, progress)?;
     if progress.is_cancelled() {
@@ -262,7 +263,7 @@ impl Writer<'_> {
         Child::node(slot)
     }
 
-    /// Writes triangles as a tree of equal parts, cut along the longest axis.
+    /// Writes triangles as a tree of eight equal parts at each node, cut along the longest axis.
     fn halve(&mut self, members: &mut [u32]) -> Child {
         if members.len() <= self.source.most {
             self.layout.members.extend_from_slice(members);

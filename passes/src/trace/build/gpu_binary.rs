@@ -1,7 +1,8 @@
 //! The binary tree in the layout that any GPU traverses: one ray a thread, the stack in private memory.
 //!
 //! A node of 64 bytes holds the boxes of its two children: Aila and Laine, "Understanding the Efficiency of Ray Traversal on GPUs", HPG
-//! 2009, section 3. The tree is obvhs's; its subtrees of up to four triangles become leaves where the surface area heuristic says so.
+//! 2009, section 3. The tree is the binary tree of obvhs; subtrees of up to four triangles become leaves where the surface area heuristic
+//! says so.
 
 use super::effort::Quality;
 use super::input::{Survey, Triangles};

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// Triangles that a thread takes at a time. Triangles of two such parts never become one leaf of the binary tree.
 const GRAIN: usize = 8192;
 
-/// All triangles of a scene, read where the scene stores them. A copy with all corners would be several times as large, and neighbouring
-/// triangles of a leaf share vertices in the cache.
+/// The triangles of a scene that one tree holds, read where the scene stores them. A copy with all corners would be several times as large,
+/// and neighbouring triangles of a leaf share vertices in the cache.
 pub(crate) struct Triangles<'a> {
     geometry: &'a Geometry,
     /// For each material, whether it is transparent; empty if none is.
@@ -112,9 +112,9 @@ pub(crate) struct Survey {
 }
 
 impl Survey {
-    /// Surveys all triangles. If wide leaves hold at least four triangles (`most`), two consecutive ones become one leaf where they share
-    /// an edge and `is_pair` finds their joint box small enough. The result does not depend on the number of threads, not even the sign of
-    /// a zero. `None` if cancelled, which is checked between the parts that threads take.
+    /// Surveys all triangles. If wide leaves hold at least four triangles (`most`), two consecutive triangles become one leaf where they
+    /// share an edge and `is_pair` accepts their joint box. The result does not depend on the number of threads, not even in the sign of a
+    /// zero. `None` if cancelled, which is checked between the parts that threads take.
     pub(crate) fn new(triangles: &Triangles<'_>, most: usize, progress: &Progress) -> Option<Self> {
         let count = triangles.geometry.triangles.len();
         let part = |part: usize| {

@@ -1,4 +1,4 @@
-//! What the builder asks of a leaf format: how many triangles a leaf holds, and what it costs.
+//! The properties of a leaf format that the builder needs: how many triangles a leaf holds, and what it costs.
 
 use super::input::{Extent, Triangles};
 use crate::trace::simd::LANES;

@@ -13,7 +13,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
 /// Overlap (see [`overlap`]) above which reinsertion is skipped: its search for a better place prunes by area, and among thousands of equal
-/// boxes it visits all of them for each candidate. Scenes have 50 to 300.
+/// boxes it visits all of them for each candidate. Ordinary scenes have an overlap of 50 to 300.
 const MAX_OVERLAP: f64 = 1000.0;
 
 /// Greatest growth of a leaf's box on each side, as a share of its longest side.
@@ -27,9 +27,8 @@ const GRAIN: usize = 8192;
 /// Two consecutive triangles that share an edge are one leaf if the box around both is small enough ([`Survey::new`]): meshes are full of
 /// such pairs, and obvhs has half the work.
 ///
-/// obvhs's clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal boxes merges one
-/// pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side by a pseudo-random length, at most
-/// about 1/64 of their longest side. Only the topology of its tree is used, and its areas to choose by.
+/// pair a pass), overflow or are NaN. So obvhs is given boxes scaled to a unit cube and grown on each side by a pseudo-random length, at
+/// most about 1/64 of their longest side. Only the topology of its tree is used, and the areas of its boxes, which weight costs.
 ///
 /// `None` if cancelled. That is checked before the library clusters and before it optimises, but not inside either.
 pub(crate) fn binary_tree(

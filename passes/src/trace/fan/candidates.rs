@@ -12,12 +12,12 @@ use glam::Vec3;
 
 /// Greatest number of gathered triangles.
 const GATHERED: usize = 512;
-/// Gathered triangles allowed for any number of rays; each two rays allow three more. With a limit of 160 triangles for sixteen rays, short
-/// rays on a scan and in Sponza took more than twice as long as without gathering.
+/// At most this many triangles are gathered, plus three for every two rays. With a limit of 160 triangles for sixteen rays, short rays on a
+/// scan and in Sponza took more than twice as long as without gathering.
 const FEW_GATHERED: usize = 16;
 /// Triangles are gathered only in scenes that are more than this many times as long as the rays.
 const LONG: f32 = 4.0;
-/// Greatest number of nodes and leaves that the search visits before it gives up.
+/// Greatest number of nodes and leaves that the search visits before it gives up; fewer where fewer triangles may be gathered.
 const VISITS: usize = 256;
 /// Vectors of rays that are tested together.
 const VECTORS: usize = 8;
@@ -59,7 +59,7 @@ impl Neighbourhood {
 }
 
 /// Triangles that [`Tracer::gather`](crate::trace::Tracer::gather) found, and buffers for testing rays against them. Rays that start in
-/// their neighbourhood get the same answers as from [`Tracer::occluded`](crate::trace::Tracer::occluded), bit for bit.
+/// their neighbourhood get the same results as from [`Tracer::occluded`](crate::trace::Tracer::occluded), bit for bit.
 #[derive(Debug)]
 pub struct Candidates {
     groups: Vec<TriangleGroup>,
@@ -129,8 +129,8 @@ impl Candidates {
         open
     }
 
-    /// How many of these rays from the origin of the last [`Self::turn_to`] hit nothing; `None` if a direction is longer than 1 by more
-    /// than rounding. `accept` as in [`Tracer`](crate::trace::Tracer).
+    /// How many of these rays from the origin of the last [`Self::turn_to`] hit nothing; `None` if a direction is not finite, or longer
+    /// than 1 by more than rounding. `accept` as in [`Tracer`](crate::trace::Tracer).
     pub fn count_open(&self, directions: &Directions, mut accept: impl FnMut(&Hit) -> bool) -> Option<u32> {
         self.count_open_rays(directions, &mut accept)
     }
@@ -203,10 +203,11 @@ impl Zone {
 }
 
 impl Kernel<bool> for Gather<'_> {
-    /// Finds the triangles whose bounds meet the zone of all rays. Gives up if they are too many or take too many visits.
+    /// Finds the triangles whose bounds meet the zone of all rays. Returns false if there are too many such triangles, or the search takes
+    /// too many visits.
     ///
-    /// The zone's box is grown by more than the rounding error of the triangle test, so the bounds of every triangle that a ray would hit
-    /// meet it.
+    /// The zone's box is grown by more than the rounding error of the triangle test, so the box meets the bounds of every triangle that a
+    /// ray would hit.
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
         let Self { tree, instruction_set, around, candidates } = self;
@@ -355,8 +356,8 @@ impl<A: FnMut(&Hit) -> bool> Kernel<Option<u32>> for CountOpen<'_, A> {
 }
 
 impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
-    /// Number of the first `rays` rays of some vectors that no triangle stops; `None` if a direction is longer than 1 by more than
-    /// rounding.
+    /// Number of the first `rays` rays of some vectors that no triangle stops; `None` if a direction is not finite, or longer than 1 by
+    /// more than rounding.
     #[inline(always)]
     fn chunk<S: Simd, const AFTER: bool>(&mut self, simd: S, vectors: &[[F16; 3]], rays: usize) -> Option<u32> {
         let mut open = [NO_LANES; VECTORS];

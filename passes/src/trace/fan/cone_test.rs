@@ -2,8 +2,8 @@
 //! all but a few rays.
 //!
 //! Seen from a common origin, a triangle is bounded by the three planes through the origin and its edges, and by its own plane. A ray is
-//! tested by its dot products with the four normals. These are computed in `f32`, with a bound on how far they, and the watertight test of
-//! [`Leaf`], can be from the exact value. Where a product is farther from 0 than the bound, both tests agree; all other rays go to the
+//! tested by its dot products with the four normals. These are computed in `f32`, with a bound on the sum of their error and of the error
+//! of the watertight test of [`Leaf`]. Where a product is farther from 0 than the bound, the two tests agree; all other rays go to the
 //! watertight test. So the result is the same, bit for bit, as testing each ray by itself.
 
 use crate::trace::rounding::{
@@ -139,10 +139,11 @@ impl TriangleGroup {
     /// `h = n · a` its height above the origin, whose error is at most `ε`:
     ///
     /// * the planes through the origin and the edges are `b x c`, `c x a`, `a x b`, each divided by its error `EDGE_ERROR max|b| max|c|`,
-    ///   with the sign that `n` was given. A dot product with a direction `d` above 1 is certainly positive, one below -1 certainly
-    ///   negative;
+    ///   and negated where `n` was negated. If the dot product of a plane and a direction `d` is above 1, the edge function is certainly
+    ///   positive; if it is below -1, certainly negative;
     /// * a ray meets the plane at `t = h / n · d`. It is met before `t_max` if `n · d >= h / t_max + m` (`hit`), and beyond it if
-    ///   `n · d <= h / t_max - m` (`miss`), with the margin `m = ε / t_max + MARGIN h / t_max + PLANE_ERROR`; likewise after `t_min`;
+    ///   `n · d <= h / t_max - m` (`miss`), with the margin `m = ε / t_max + MARGIN h / t_max + PLANE_ERROR`. With `t_min` in place of
+    ///   `t_max`, the second condition says that the plane is met after `t_min` (`after`);
     /// * where `h` is below `EDGE_ON max(|a|, |b|, |c|)`, the triangle is seen edge-on, and `miss` is only certain behind the origin.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
@@ -278,7 +279,7 @@ fn behind<S: Simd>(simd: S, corners: &[[S::Wide; 3]; 3], normal: Vec3) -> Mask {
     lanes
 }
 
-/// The value of `direction · normal` for which a ray meets planes of these heights at a distance, and the error bound of that value.
+/// The value of `direction · normal` for which a ray meets planes of these heights at `distance`, and the error bound of that value.
 #[inline(always)]
 fn interval<S: Simd>(simd: S, height: S::Wide, error: S::Wide, distance: f32) -> (S::Wide, S::Wide) {
     let nearness = simd.wide_splat(1.0 / distance);

@@ -1,4 +1,4 @@
-//! The cheapest answer for many short rays: nothing is in reach of any of them.
+//! The cheapest test of many short rays: whether no triangle is within reach of any of them.
 
 use crate::trace::simd::{Kernel, NO_LANES, Simd, first_lane, without_first};
 use crate::trace::tree::{Ball, Bounds, Child, Plane, Stack, WideTree, half_balls, slack};

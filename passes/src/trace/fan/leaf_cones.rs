@@ -10,8 +10,7 @@ use crate::trace::tree::{Leaf, Plane};
 pub(crate) struct LeafCones<S: Simd> {
     /// Normals of the planes through the point and each edge.
     edges: [[S::Vector; 3]; 3],
-    /// Bounds on how far a direction's dot products with the normals, and the watertight test, may be from the exact
-    /// value.
+    /// For each edge, a bound on the sum of two errors: of a direction's dot product with the normal, and of the watertight test.
     errors: [S::Vector; 3],
     /// Triangles that a ray may hit.
     possible: Mask,

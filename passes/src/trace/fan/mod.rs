@@ -1,7 +1,7 @@
 //! Fans: many short rays from one origin, or from origins near each other, as ambient occlusion traces them.
 //!
-//! From cheap to expensive: nothing is in reach (`hemisphere`); few triangles are in reach and are gathered once (`candidates`,
-//! `cone_test`); the fan traverses the tree (`traverse`, `leaf_cones`).
+//! Three methods, from cheap to expensive: a proof that no triangle is in reach (`hemisphere`); a list of the few triangles in reach,
+//! gathered once (`candidates`, `cone_test`); and the traversal of the tree by the fan (`traverse`, `leaf_cones`).
 //! May use: `single`, `tree`, `ray`, `rounding`, `simd`.
 
 mod candidates;

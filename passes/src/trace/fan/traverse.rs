@@ -1,7 +1,7 @@
 //! Traverses the tree with many rays from one origin.
 //!
 //! Sixteen rays traverse the tree together, one a lane, until few of them are left; those go on singly ([`RayQueue`]). As the origin is
-//! common, its part of a slab test is computed once for all nodes. What is left is two fused multiply-adds, a minimum and a maximum along
+//! common, its part of a slab test is computed once for all nodes. What is left is two fused multiply-adds, two minima and two maxima along
 //! each axis, whatever the directions. In a leaf of triangles, too, what depends only on the origin is computed once: the planes through
 //! the origin and the edges ([`LeafCones`]).
 
@@ -58,12 +58,11 @@ struct Common {
     plane: Option<Plane>,
 }
 
-/// Up to sixteen rays, one a lane; the operations are those of [`PreparedRay::new`].
+/// Up to sixteen rays, one a lane. Reciprocals and shears are computed by the operations of [`PreparedRay::new`].
 struct FanLanes {
     direction: [F16; 3],
     inverse: [F16; 3],
-    /// Minus the origin times the inverse direction, for low and for high planes; [`Start::farthest`] gives the origin that each of them
-    /// uses.
+    /// Minus the origin times the inverse direction, for low and for high planes, each with its own moved origin from [`Start::farthest`].
     offset: [[F16; 3]; 2],
     shear: [F16; 2],
     /// Rays whose largest direction component, by absolute value, is x, and rays whose largest is y.
@@ -161,7 +160,7 @@ impl Spread<'_> {
         stopped
     }
 
-    /// Pushes the children that any ray meets, each with the mask of the rays that do.
+    /// Pushes the children that any ray meets, each with the mask of the rays that meet it.
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, node: &Node, mask: Mask, stack: &mut Stack) {
         let Self { common, lanes } = self;

@@ -60,14 +60,15 @@ impl SurfacePoint {
         self.start != self.position
     }
 
-    /// The origin of a ray that leaves in `direction`. It is moved off the plane, to the side of `direction`, by 32 times 2⁻²⁴ (Σ |nᵢ|
-    /// (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2), where r is the largest coordinate distance to a corner: the errors of the point along the
+    /// The origin of a ray that leaves in `direction`. The origin is moved off the plane, to the side of `direction`, by
+    /// 32 times 2⁻²⁴ (Σ |nᵢ| (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2). Here n is the normal, a corner 0, e1 and e2 the edges from it, u and v
+    /// the barycentric coordinates, and r the largest coordinate distance to a corner. The sum bounds the errors of the point along the
     /// normal and of the triangle test.
     ///
-    /// Along the plane it is moved away from borders of the triangle that are nearer than 32 times 2⁻²⁴ (max (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r
-    /// / 2): otherwise a wall on a border would be at distance 0, or behind the origin.
+    /// Along the plane the origin is moved away from borders of the triangle that are nearer than
+    /// 32 times 2⁻²⁴ (max (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2): otherwise a wall on a border would be at distance 0, or behind the origin.
     ///
-    /// There is no fixed distance in it: it scales with the scene. Surfaces nearer than the offset are not seen.
+    /// The offset contains no fixed distance, so it scales with the scene. Surfaces nearer to the point than the offset are not seen.
     #[must_use]
     #[inline(always)]
     pub fn spawn(&self, direction: Vec3) -> Vec3 {
@@ -76,8 +77,8 @@ impl SurfacePoint {
     }
 }
 
-/// Barycentric coordinates of corners 1 and 2 for the point of a triangle nearest to a position near it. A projection outside is clamped to
-/// the border; in obtuse triangles the clamped point is not always the nearest.
+/// Barycentric coordinates of corners 1 and 2 for the projection onto a triangle of a position near it. A projection outside the triangle
+/// is clamped to the border; in obtuse triangles the clamped point is not always the nearest.
 #[inline(always)]
 pub(crate) fn project([a, b, c]: [DVec3; 3], position: DVec3) -> (f64, f64) {
     let (e1, e2, to) = (b - a, c - a, position - a);
@@ -185,7 +186,7 @@ impl Borders {
 fn drawn_in(corners: [DVec3; 3], normal: DVec3, position: DVec3, margin: f64) -> DVec3 {
     let borders = Borders::of(corners, normal);
     let mut moved = position;
-    // Twice, because moving away from one border at a corner may lead towards the other.
+    // Twice, because near a corner, moving away from one border may move the point towards the other border.
     for _ in 0..2 {
         for (from, inward) in borders.0 {
             let inward = inward.normalize_or_zero();

@@ -38,7 +38,7 @@ pub(crate) fn double(axes: &[F16; 3], lane: usize) -> DVec3 {
     DVec3::new(axes[0].0[lane].into(), axes[1].0[lane].into(), axes[2].0[lane].into())
 }
 
-/// Points on eight triangles: eight `f64` are one vector, so nothing is spilled to memory on the way.
+/// Points on eight triangles. Eight `f64` fill one vector, so intermediate values are not spilled to memory.
 pub(crate) struct SurfacePoints {
     position: [F8; 3],
     normal: [F8; 3],

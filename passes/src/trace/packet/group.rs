@@ -91,8 +91,8 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for Nearest<'_, A> {
 }
 
 impl<A: FnMut(usize, &Hit) -> bool> Part for Any<'_, A> {
-    /// Members are traced one after the other: occlusion rays soon part ways, and the intervals of a whole group would reject too few
-    /// boxes.
+    /// Members are traced one after the other: occlusion rays of a group soon diverge, and the intervals of a whole group would reject too
+    /// few boxes.
     #[inline(always)]
     fn group<S: Simd>(&mut self, simd: S, group: &mut [PreparedPacket], packet_of: &[usize; GROUP]) {
         for (prepared, &packet) in group.iter_mut().zip(packet_of) {

@@ -1,7 +1,7 @@
 //! Slab tests of several rays at once, by interval arithmetic: of a packet against eight boxes, and of sixteen packets against one box.
 //!
-//! The slab test is monotone in each operand, rounding included. So a test of the extreme operands enters every box that a test of any ray
-//! between them enters.
+//! The slab test is monotone in each operand, rounding included. So a test of the extreme operands enters every box that the test of any
+//! ray with operands between the extremes enters.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -52,7 +52,7 @@ impl Interval {
         self.t_max = self.t_max.max(other.t_max);
     }
 
-    /// The lanes of boxes that any ray may enter, and a lower bound of the distance at which it enters them.
+    /// The lanes of boxes that any ray may enter, and lower bounds of the distances at which rays enter them.
     #[inline(always)]
     pub(crate) fn meets<S: Simd>(&self, simd: S, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {
         let mut enter = simd.splat(self.t_min);
@@ -77,7 +77,8 @@ pub(crate) struct Intervals {
     inverse: [[F16; 3]; 2],
     far_inverse: [[F16; 3]; 2],
     t_min: F16,
-    /// Greatest distance at which each packet still looks for hits; lanes without a packet enter no box.
+    /// Greatest distance up to which any ray of each packet still searches for hits; -∞ in lanes without a packet, which therefore enter no
+    /// box.
     pub(crate) limit: F16,
 }
 

@@ -1,7 +1,7 @@
 //! Packets of up to sixteen similar rays, and groups of such packets.
 //!
 //! Slab tests use the interval of all rays (`interval`), triangle tests take sixteen rays at a time (`triangle_test`), and a test of the
-//! plane alone decides most shadow rays (`plane_test`). The answers are bit for bit those of single rays.
+//! plane alone decides most shadow rays (`plane_test`). The results are bit for bit those of single rays.
 //! May use: `single`, `tree`, `ray`, `rounding`, `simd`.
 
 mod group;

@@ -11,7 +11,7 @@ pub(crate) struct Octant(u32);
 impl Octant {
     /// The octant of a packet without rays.
     pub(crate) const EMPTY: Self = Self(0);
-    /// Stands for rays that hit nothing; see [`PreparedRay::new`](crate::trace::tree::PreparedRay::new).
+    /// Marks rays that hit nothing; see [`PreparedRay::new`](crate::trace::tree::PreparedRay::new).
     const NONE: u32 = u32::MAX;
 
     /// Signs and zeros without the main axis; the rays of a group share them.
@@ -42,7 +42,8 @@ pub(crate) struct Octants([u32; WIDE]);
 impl Octants {
     pub(crate) const NONE: Self = Self([Octant::NONE; WIDE]);
 
-    /// The octants of a packet. Rays that [`PreparedRay::new`](crate::trace::tree::PreparedRay::new) would refuse get `Octant::NONE`.
+    /// The octants of a packet. Rays for which [`PreparedRay::new`](crate::trace::tree::PreparedRay::new) would return `None` get
+    /// `Octant::NONE`.
     #[inline(always)]
     pub(crate) fn of(packet: &Packet) -> Self {
         let mut octants = [0; WIDE];

@@ -1,5 +1,5 @@
-//! For rays whose lines pass through a triangle: do they meet it between `t_min` and `t_max`? For occlusion rays, decided without a
-//! division, in `f32`, with a bound on the error.
+//! Decides, for occlusion rays whose lines pass through a triangle, whether they meet it between `t_min` and `t_max`: without a division,
+//! in `f32`, with a bound on the error.
 //!
 //! The distance at which a ray meets the plane of a triangle is `n · (a - o) / n · d`. By the watertight test, the ray is stopped if this
 //! distance, computed in `f64` and clamped to the distances of the triangle's bounds by the slab test, lies between `t_min` and `t_max`.
@@ -9,11 +9,11 @@
 //! * `q = n · d - n · (a - o) / t_max`:
 //!
 //! both positive or both negative for a hit. Let `n` be scaled to a largest component of 1, `u` be 2⁻²⁴, and `R` the sum, over the axes, of
-//! the largest distances of the scene's bounds from the origin. In `f32` the first product is off by at most 18 u R, and the second, for a
-//! unit direction, by 18 u. The watertight test may accept a ray whose line passes the triangle at 10 u R along two axes, so the bounds
-//! that it clamps the distance to may be those of a plane that is 25 u R away; rounding makes them 3 u wider, and the conversion of the
-//! distance from `f64` adds 1 u. Where `p` and `q` are farther from 0 than [`DOUBT`] times these units, these errors do not change the
-//! answer, and the watertight test agrees. All other rays go to the watertight test. `t_max` may be infinite; then `q` is `n · d`.
+//! the largest distances of the scene's bounds from the origin. In `f32`, `n · (a - o)` errs by at most 18 u R and, for a unit direction,
+//! `n · d` by 18 u. The watertight test may accept a ray whose line misses the triangle by 10 u R along two axes, so the bounds that it
+//! clamps the distance to may be those of a plane that is 25 u R away; rounding makes them 3 u wider, and the conversion of the distance
+//! from `f64` adds 1 u. Where `p` and `q` are farther from 0 than [`DOUBT`] times these units, these errors do not change the verdict, and
+//! the watertight test agrees. All other rays go to the watertight test. `t_max` may be infinite; then `q` is `n · d`.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -63,7 +63,7 @@ impl TrianglePlane {
         let (minus_p, minus_q) = (simd.wide_sub(zero, of_p), simd.wide_sub(zero, of_q));
         let (above_p, below_p) = (simd.wide_below(of_p, p), simd.wide_below(p, minus_p));
         let (above_q, below_q) = (simd.wide_below(of_q, q), simd.wide_below(q, minus_q));
-        // For a ray parallel to the plane the distance is NaN or infinite, and the clamping decides: never a certain miss here.
+        // If a ray is parallel to the plane within the error bound, the watertight test clamps its distance and may find a hit: no certain miss.
         let meets = simd.wide_below(parallel, slope) | simd.wide_below(slope, simd.wide_sub(zero, parallel));
         Verdict { hit: above_p & above_q | below_p & below_q, miss: (above_p & below_q | below_p & above_q) & meets }
     }

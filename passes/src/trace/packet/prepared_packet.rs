@@ -15,7 +15,7 @@ use crate::trace::tree::{Bounds, Leaf, Line, Node, PreparedRay, permutation};
 /// Rays of one packet and one octant. The data of lanes that are not in `open` has no meaning.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PreparedPacket {
-    /// The rays that are not answered yet.
+    /// The rays that are still traced. Occlusion queries remove a ray when it is blocked.
     pub(crate) open: Mask,
     pub(crate) octant: Octant,
     pub(super) axes: [usize; 3],

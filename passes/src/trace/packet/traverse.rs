@@ -3,7 +3,7 @@
 //! A node's eight children are first tested at once against the interval of all rays of the packet (Boulos, Wald and Shirley, "Geometric
 //! and Arithmetic Culling Methods for Entire Ray Packets", 2006); the children that it meets are tested against the sixteen rays. The
 //! triangles of a leaf are treated likewise. The interval test uses the operations of the single ray's slab test, which are monotone, on
-//! the interval of their operands. So, rounding included, no box is culled that a single ray's test would enter, and the answers are bit
+//! the interval of their operands. So, rounding included, no box is culled that a single ray's test would enter, and the results are bit
 //! for bit those of single rays.
 
 use super::interval::Interval;
@@ -135,7 +135,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
         }
     }
 
-    /// Pushes the children that any ray meets, each with the mask of the rays that do.
+    /// Pushes the children that any ray meets, each with the mask of the rays that meet it.
     #[inline(always)]
     fn visit<S: Simd, const NEAREST: bool>(
         &self,

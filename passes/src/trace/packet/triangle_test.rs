@@ -142,7 +142,8 @@ impl PreparedPacket {
         Lines { sure, touched: inside & !sure, edges }
     }
 
-    /// For rays whose lines pass through a triangle: the distances at which they meet it, and the mask of those within their limit.
+    /// For rays whose lines pass through a triangle: the mask of those that meet it after `t_min` and within their limit, and the
+    /// distances.
     #[inline(always)]
     fn reach<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3], sure: Mask) -> (Mask, S::Wide) {
         let t = self.distance(simd, corners);

@@ -1,4 +1,4 @@
-//! Decides rays whose origins are only estimated.
+//! Decides which rays are blocked where their origins are known only within an error bound.
 
 use super::estimate::{Decided, Estimates};
 use super::list::MOST;

@@ -1,11 +1,12 @@
 //! Estimated ray origins: approximations in `f32`, with an error bound, of the origins that
-//! [`SurfacePoint::spawn`](crate::trace::SurfacePoint::spawn) gives for positions near visible triangles. They serve tests whose answer
-//! does not depend on the last bits.
+//! [`SurfacePoint::spawn`](crate::trace::SurfacePoint::spawn) gives for positions near visible triangles. They serve tests whose result is
+//! the same for all origins within the bound.
 //!
 //! Let `q` be a position relative to a centre, `n` the unit normal of a triangle's plane, `h` the height of `q` above it, and `L` the
 //! distance that rays are moved off the plane. `L` is a linear function of the barycentric coordinates, except for its part from the
 //! largest distance to a corner. The origin is `q + (L - h) n`: two dot products with vectors that are the same for all positions on a
-//! triangle. With `u` = 2⁻²⁴, `E` the largest `|q|` by axis, and `Q` a bound of `|L - h|`, its error along an axis is the sum of
+//! triangle. With `u` = 2⁻²⁴, `E` the largest `|q|` by axis, and `Q` a bound of `|L - h|`, the error of an estimate along an axis is the
+//! sum of
 //!
 //! * 2 u times the largest coordinate, for the exact origin, which is rounded twice;
 //! * 2 u E for `q` and the sum;
@@ -155,8 +156,8 @@ impl Faces {
 }
 
 impl Estimates {
-    /// Replaces the positions of some rays (a mask for each packet) by estimated origins. All these positions lie on one of sixteen
-    /// triangles; positions near a border get no estimate. Returns whether any ray got one.
+    /// Replaces the positions of some rays (a mask for each packet) by estimated origins. All these positions lie on the triangle in lane
+    /// `lane` of `faces`; positions near a border get no estimate. Returns whether any ray got one.
     #[inline(always)]
     pub(crate) fn estimate<S: Simd>(
         &mut self,

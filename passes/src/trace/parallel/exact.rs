@@ -5,7 +5,7 @@
 //! test, `x - sx z` and `y - sy z`, where z is the direction's longest axis. The tree is searched for the triangles whose bounds meet the
 //! rectangle. A packet's own rectangle is compared with sixteen of those triangles at a time, by their bounds and by their edges (the
 //! separating axes of two convex shapes). Rays that start above a triangle that faces the light miss it. Undecided rays go to the
-//! watertight test ([`PreparedPacket`]), so every ray gets the answer that it would get alone.
+//! watertight test ([`PreparedPacket`]), so every ray gets the result that it would get alone.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -20,9 +20,9 @@ use crate::trace::tree::{Child, WideTree};
 /// With fewer rays than this, a list is not worth it.
 const FEW: u32 = 16;
 
-/// Finds the blocked rays of up to [`TOGETHER`] packets, one bit a ray, if all rays have one direction and interval. Does nothing and
-/// returns false if not, if there are fewer than [`FEW`] rays, or if numbers might overflow. `accept` also receives the ray's number: 16
-/// times the index of its packet, plus its lane.
+/// Finds the blocked rays of up to [`TOGETHER`] packets, one bit a ray. Does nothing and returns false if the rays do not all have one
+/// direction and interval, if there are fewer than [`FEW`] rays or no triangles, or if numbers might overflow. `accept` also receives the
+/// ray's number: 16 times the index of its packet, plus its lane.
 #[inline(always)]
 pub(crate) fn occluded<S: Simd>(
     simd: S,

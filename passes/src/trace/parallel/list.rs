@@ -54,8 +54,8 @@ impl List {
 
     /// Collects the triangles that rays of a zone may hit. Returns false if there are more than `longest` triangles, nodes or leaves.
     ///
-    /// All nodes are visited before all leaves, in the order in which they are found, so the next node is known before the last is done.
-    /// Children are appended without a branch. `LANES_TOO` says whether `lane_of` is needed.
+    /// All nodes are visited before all leaves, in the order in which they are found, so the next node is known before the visit of the
+    /// previous one ends. Children are appended without a branch. `LANES_TOO` says whether `lane_of` is needed.
     #[inline(always)]
     pub(crate) fn gather<S: Simd, const LANES_TOO: bool>(
         &mut self,

@@ -1,7 +1,8 @@
-//! Parallel rays: shadow rays of a tile's pixels to a distant light, answered from lists of triangles.
+//! Parallel rays: shadow rays of a tile's pixels to a distant light, tested against lists of triangles.
 //!
-//! Triangles and origins are projected along the direction (`projection`). Those of a tile are collected (`list`) and compared (`tile`), both
-//! for exact rays (`exact`) and for rays whose origins are only estimated (`estimate`, `decide`).
+//! Triangles and origins are projected along the direction (`projection`). The triangles that may block rays of a tile are collected
+//! (`list`) and compared with the rays (`tile`), both for exact rays (`exact`) and for rays whose origins are only estimated (`estimate`,
+//! `decide`).
 //! May use: `packet`, `origin`, `tree`, `ray`, `rounding`, `simd`.
 
 mod decide;

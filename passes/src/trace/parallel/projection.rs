@@ -136,8 +136,8 @@ impl Projection {
         Self { blur, blur_across: [across(0, x), across(1, y)], ..self }
     }
 
-    /// Computes the bounds that depend on how far origins and the scene reach from the centre, and grows the zones by the rounding errors.
-    /// Returns false if products of coordinates might overflow.
+    /// Computes the bounds that depend on how far origins and the scene reach from the centre, and grows the zones by the rounding errors
+    /// and by the error of the origins. Returns false if products of coordinates might overflow.
     #[inline(always)]
     pub(crate) fn settle(&mut self, scene: &Bounds, seen: &mut [ProjectedRays]) -> bool {
         self.size = seen.iter().fold(Vec3::ZERO, |size, seen| size.max(seen.size())) + self.blur;
@@ -271,7 +271,7 @@ pub(crate) struct ProjectedTriangles {
     /// Normals of the planes, with the sign for which `n · direction > 0`.
     normal: [F16; 3],
     /// With `n` this normal and `o` an origin: if `n · o > beyond`, the ray starts beyond the plane and misses the triangle; if
-    /// `n · o < before`, it starts before the plane.
+    /// `n · o < before`, it starts before the plane. Infinite where that is never certain.
     beyond: F16,
     before: F16,
 }
@@ -288,7 +288,7 @@ impl ProjectedTriangles {
         before: F16::ZERO,
     };
 
-    /// Projects sixteen triangles, given as `[corner][axis]`; `opaque` says which of them stop every ray.
+    /// Projects sixteen triangles, given as `[corner][axis]`; `opaque` says which of them stop every ray that meets them.
     ///
     /// Let `S` be the largest coordinate of corners and origins relative to the centre, and `D` the extent of triangle and zone, summed
     /// over both axes. A projected corner is `q = (x - sx z, y - sy z)`, with an error of `E = COORDINATE_UNITS u S` an axis. The bounds
@@ -416,7 +416,7 @@ impl ProjectedTriangles {
             offset = simd.wide_about_mul_add(turned, corner[axis], offset);
             self.normal[axis] = simd.wide_store(turned);
         }
-        // If not, a ray may be parallel to the plane, or a number is NaN, and nothing is certain.
+        // Where this is false, a ray may be parallel to the plane, or a number is NaN, and nothing is certain.
         let decides = simd.wide_below(of_slope, simd.wide_abs(slope));
         let beyond = simd.wide_add(offset, of_height);
         let of_hit = simd.wide_mul(longest, simd.wide_splat(view.doubt));

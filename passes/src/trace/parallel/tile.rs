@@ -1,4 +1,4 @@
-//! Answers for the packets of a tile, from lists of triangles.
+//! Finds the blocked rays of a tile's packets by lists of triangles.
 
 use super::list::{GROUP, List};
 use super::projection::{ProjectedRays, Projection, Zone};
@@ -15,11 +15,10 @@ pub(crate) const LEVELS: [usize; 3] = [TOGETHER, 4, 1];
 pub(crate) trait Undecided {
     /// Greatest length of a list, by level.
     const LONGEST: [usize; LEVELS.len()];
-    /// Whether origins are estimates. If so, undecided rays are only marked, which is cheaper than a branch that asks whether there are
-    /// any.
+    /// Whether origins are estimates. If so, undecided rays are only marked, which is cheaper than a branch on whether there are any.
     const ESTIMATED: bool;
 
-    /// The rays of a packet that leave this triangle, and so do not hit it whatever the list says.
+    /// The rays of a packet that start on this triangle, and therefore never hit it.
     #[inline(always)]
     fn leaving<S: Simd>(&self, _simd: S, _packet: usize, _triangle: u32) -> Mask {
         NO_LANES
@@ -32,7 +31,7 @@ pub(crate) trait Undecided {
     fn stopped<S: Simd>(&mut self, simd: S, rays: (usize, Mask)) -> Mask;
 }
 
-/// Rays that are answered together.
+/// Rays that are tested together.
 pub(crate) struct Tile<'a> {
     pub(crate) tree: &'a WideTree,
     /// The rays of each packet that can hit anything.
@@ -65,15 +64,15 @@ impl Tile<'_> {
         }
     }
 
-    /// Answers for some packets from lists of triangles.
+    /// Finds the blocked rays of some packets by lists of triangles.
     ///
-    /// Packets are taken in order; `todo.start` is the first without an answer. At level `l` the next `LEVELS[l]` packets share a list;
+    /// Packets are taken in order; `todo.start` is the first that is not done. At level `l` the next `LEVELS[l]` packets share a list;
     /// their zone is `Z`, with area `A(Z)`. The levels are tried from the largest group to the smallest:
     ///
     /// * `tried[l]` is the packet up to which level `l` failed. The first level with `tried[l] <= todo.start` is tried.
     /// * A level is skipped if `A(Z) > A(Z') / 2`, where `Z'` is the zone of the next larger group, which failed: a zone of more than half
     ///   the area holds about as many triangles. It is also skipped once a list of its level was too long (`in_vain`).
-    /// * Where no level is left, the rays of the packet are answered without a list.
+    /// * Where no level is left, the rays of the packet are tested without a list.
     #[inline(always)]
     pub(crate) fn answer<S: Simd, U: Undecided>(
         &self,
@@ -113,7 +112,7 @@ impl Tile<'_> {
         }
     }
 
-    /// Answers for some packets from the list of their zone.
+    /// Finds the blocked rays of some packets by the list of their zone.
     #[inline(always)]
     fn test<S: Simd, U: Undecided>(
         &self,

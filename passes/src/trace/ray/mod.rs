@@ -1,4 +1,4 @@
-//! Queries (rays, fans and packets of rays, lists of directions) and answers (hits).
+//! Queries (rays, fans and packets of rays, lists of directions) and results (hits).
 //!
 //! Plain data in world coordinates, independent of scenes and trees.
 //! May use: `simd`, for the layout of its vectors.

@@ -62,7 +62,7 @@ impl Fan<'_> {
     }
 }
 
-/// Leaves that stopped recent rays: the rays that follow are often stopped by the same ones. Any value is valid for any tracer.
+/// Leaves that stopped recent rays: the rays that follow are often stopped by the same leaves. Any value is valid for any tracer.
 #[derive(Debug, Clone)]
 pub struct Recent {
     pub(crate) leaves: [u32; Self::LEAVES],

@@ -6,11 +6,11 @@ use crate::trace::tracer::Tracer;
 use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::DVec3;
 
-/// A binary tree over triangles in `f64`, which gives exactly the answers of [`BruteForce`](crate::trace::BruteForce).
+/// A binary tree over triangles in `f64`, which gives exactly the results of [`BruteForce`](crate::trace::BruteForce).
 ///
 /// It shares no code with [`Bvh`](crate::trace::Bvh): neither the tree, nor the box test, nor the triangle test, nor the precision. Boxes
 /// are larger than their triangles by far more than rounding can matter, and a box that the ray meets is left unvisited only where it
-/// begins clearly behind the nearest hit. So the tree affects only the time, not the answers.
+/// begins clearly behind the nearest hit. So the tree affects only the time, not the results.
 ///
 /// Built by the surface-area heuristic in 16 bins (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007). About 150
 /// to 250 bytes a triangle.

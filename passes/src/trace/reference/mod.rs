@@ -1,7 +1,6 @@
 //! Two reference tracers in `f64`. They share no code with the fast tracer, and their searches are independent of each other.
 //!
-//! [`BruteForce`] tests every triangle. [`Double`] gives the same answers from a tree of its own, fast enough for
-//! pictures.
+//! [`BruteForce`] tests every triangle. [`Double`] gives the same results from a tree of its own, fast enough for pictures.
 //! May use: `tracer`, `ray`.
 
 mod brute_force;

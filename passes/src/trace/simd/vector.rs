@@ -1,5 +1,5 @@
-//! Vectors of eight and sixteen numbers. Except in [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
-//! the same bits.
+//! Vectors of eight and sixteen numbers. Except in [`Simd::about_mul_add`] and [`Simd::wide_about_mul_add`] nothing is fused or
+//! reassociated, so every instruction set gives the same bits.
 
 use glam::{DVec3, Vec3};
 
@@ -78,8 +78,9 @@ pub(crate) fn higher(a: f32, b: f32) -> f32 {
 
 /// Eight floats in registers, and what an instruction set does with them.
 ///
-/// A value of the implementing type is the proof that the processor has the instruction set. Functions that use it are
-/// `#[inline(always)]` up to the one that is compiled for the instruction set, and hand no vector to a closure.
+/// A value of the implementing type is the proof that the processor has the instruction set. Functions that use it are `#[inline(always)]`,
+/// up to the function that is compiled for the instruction set. They pass no vector to a closure: a closure is compiled for the instruction
+/// set only where it is inlined.
 pub(crate) trait Simd: Copy {
     type Vector: Copy;
     fn load(self, values: &F8) -> Self::Vector;
@@ -157,7 +158,7 @@ pub(crate) trait Simd: Copy {
         columns
     }
 
-    /// Joins four arrays of four numbers. With a copy of each, a vector load of the whole that follows would stall.
+    /// Joins four arrays of four numbers. After four separate copies, a vector load of the whole result would stall.
     #[inline(always)]
     fn quarters(self, quarters: [&[u32; 4]; 4]) -> [u32; WIDE] {
         let mut joined = [0; WIDE];

@@ -39,8 +39,8 @@ impl Leaf {
         self.solve_all(ray, lanes, &edges, t_limit, found)
     }
 
-    /// Whether a triangle of the leaf stops a ray. The answer is that of [`Self::intersect`], but distances are computed only where
-    /// [`decide`] is not certain. `ray` is called for the fully prepared ray only if it is needed.
+    /// Whether a triangle of the leaf stops a ray. The result is that of [`Self::intersect`], but distances are computed only where
+    /// [`decide`] is not certain. `ray` returns the fully prepared ray; it is called only where distances are computed.
     #[inline(always)]
     pub(crate) fn stops<S: Simd>(
         &self,
@@ -74,7 +74,7 @@ impl Leaf {
         })
     }
 
-    /// Whether a triangle whose id `blocks` accepts stops a ray. The answer is that of [`Self::stops`] where all triangles are transparent
+    /// Whether a triangle whose id `blocks` accepts stops a ray. The result is that of [`Self::stops`] where all triangles are transparent
     /// and the closure decides by the id; but here the closure is called before a distance is computed.
     #[inline(always)]
     pub(crate) fn stops_by<S: Simd>(&self, simd: S, ray: &PreparedRay, blocks: &mut impl FnMut(u32) -> bool) -> bool {
@@ -147,7 +147,7 @@ impl Leaf {
         false
     }
 
-    /// Distance and barycentric coordinates for a lane that passed the sign tests.
+    /// Distance and barycentric coordinates for a lane that passed the sign tests; `None` unless `t_min < t <= t_limit`.
     ///
     /// The edge functions decide whether the triangle is hit. The distance comes from its plane in `f64`: computed from sheared corners,
     /// its error would grow with the triangle, and rays would hit the large walls they start from.
@@ -165,8 +165,8 @@ impl Leaf {
             let determinant = a + b + c;
             (b / determinant, c / determinant)
         };
-        // The distance is clamped to the triangle's own bounds: for a triangle seen edge-on, the plane may be met anywhere. So no box
-        // around the triangle is entered beyond its hit, and culling by distance does not depend on the tree.
+        // The distance is clamped to the triangle's own bounds: for a triangle seen edge-on, the plane may be met anywhere. So a ray enters
+        // every box around the triangle at or before its hit, and culling by distance does not depend on the tree.
         let (enter, leave) = ray.span(&corners);
         let t = if t < leave { t } else { leave };
         let t = if t < enter { enter } else { t };
@@ -186,9 +186,8 @@ struct Passed<S: Simd> {
 /// The certain verdicts on a ray whose line passes through triangles of a leaf. See `packet/plane_test.rs` for the test and its error bounds.
 ///
 /// Here the normal `n` is the cross product of two edges, in `f32` and not scaled. Let `w` be half the sum of their squared lengths; it is
-/// at least the product of their lengths, and so at least any component of `n`. A component of `n` errs by 4 u w, the first product of the
-/// test by 8 u w R, and the second by 13 u w: less than the bounds for the scaled normal, times `w`. The other terms scale with `n`, which
-/// is at most `w`.
+/// at least the product of their lengths, and so at least any component of `n`. A component of `n` errs by 4 u w, `n · (a - o)` by 8 u w R,
+/// and `n · d` by 13 u w: less than the bounds for the scaled normal, times `w`. The other terms scale with `n`, which is at most `w`.
 #[inline(always)]
 pub(crate) fn decide<S: Simd>(simd: S, leaf: &Leaf, line: &Line) -> Verdict {
     let zero = simd.splat(0.0);
@@ -229,8 +228,8 @@ pub(crate) fn decide<S: Simd>(simd: S, leaf: &Leaf, line: &Line) -> Verdict {
 }
 
 /// The barycentric coordinates of corners 1 and 2 by edge functions in `f64`, where products of `f32` are exact and the sign of their
-/// difference is right. This makes shared edges and vertices watertight. In `f32`, the rounded difference of rounded products has the right
-/// sign unless it is zero.
+/// difference is right; `None` where the signs differ, or all edge functions are 0. This makes shared edges and vertices watertight. In
+/// `f32`, the rounded difference of rounded products has the right sign unless it is zero.
 #[cold]
 #[inline(never)]
 fn solve_exactly(line: &Line, corners: &[[f32; 3]; 3]) -> Option<(f32, f32)> {

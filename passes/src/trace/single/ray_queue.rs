@@ -1,9 +1,9 @@
 //! A queue of single rays, each with the nodes that it has yet to visit. The queue takes several steps at a time.
 //!
-//! A single ray waits for memory and for its own tests: for its node, for the test of the children, for which of them to visit next. Most
-//! of the time, the processor also mispredicts how many children are met. Here the pending nodes of several rays lie on one list, and eight
-//! are taken from its end at a time, so that no step needs the result of the step before it. Children are appended by one vector
-//! instruction, however many they are. Leaves that are met go to a second list, and are tested before more nodes are taken.
+//! The steps of a single ray depend on each other: each waits for its node from memory, for the test of the children, and for the choice of
+//! the next child. Most of the time, the processor also mispredicts how many children are met. Here the pending nodes of several rays are
+//! in one list, and eight are taken from its end at a time, so that no step needs the result of the step before it. Children are appended
+//! by one vector instruction, however many they are. Leaves that are met go to a second list, and are tested before more nodes are taken.
 
 use super::traverse::occluded;
 use crate::trace::ray::Hit;
@@ -190,7 +190,7 @@ mod tests {
         rays.prepare(Plain, &packet, (octants.valid(), octants.get(0)), &bvh.tree.bounds);
         let (mut nodes, mut leaves) = (Waiting::new(), Waiting::new());
         let mut queue = RayQueue::new(&mut nodes, &mut leaves);
-        // The root is added repeatedly: each batch of eight nodes adds 64 more, and none of those is finished when the batch is.
+        // The root is added repeatedly: each batch of eight nodes appends 64 nodes, and none of these 64 is visited before the batch ends.
         assert!(
             bvh.tree.nodes[bvh.tree.root.index()]
                 .children

@@ -21,7 +21,7 @@ impl<A: FnMut(&Hit) -> bool> Kernel<Option<Hit>> for Closest<'_, A> {
     }
 }
 
-/// Finds the nearest hit of a prepared ray below `entry` that is nearer than `best` and that `accept` accepts.
+/// Finds the nearest hit of a prepared ray below `entry` that is nearer than `best`, or as near with a lower id, and that `accept` accepts.
 #[inline(always)]
 pub(crate) fn closest<S: Simd>(
     simd: S,

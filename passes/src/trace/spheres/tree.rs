@@ -45,7 +45,7 @@ struct Entry {
 
 /// Spheres in a tree, so that a ray is tested only against those near it.
 ///
-/// The answers do not depend on the tree. A sphere is hit if the ray meets its box, in `f64`, and its surface, in `f32`; and a node's box
+/// The results do not depend on the tree. A sphere is hit if the ray meets its box, in `f64`, and its surface, in `f32`; and a node's box
 /// is met by every ray that meets a box inside it. Of equal distances the lowest id wins.
 #[derive(Debug, Default)]
 pub struct SphereTree {

@@ -76,7 +76,7 @@ impl Leaf {
         simd.at_most(first, first)
     }
 
-    /// Bounds of all triangles, `[low, high][axis]`; unused lanes hold NaN.
+    /// Bounds of each triangle, one a lane, `[low, high][axis]`; unused lanes hold NaN.
     #[inline(always)]
     pub(crate) fn bounds<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
         let mut bounds = [[simd.splat(0.0); 3]; 2];

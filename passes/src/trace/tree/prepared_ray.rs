@@ -46,12 +46,12 @@ impl Start {
     }
 
     /// The origin, moved towards higher and towards lower coordinates, for slab tests of the form `plane * inverse - origin * inverse` with
-    /// any rounding (fused or not). It is farther than the moved origin of any direction.
+    /// any rounding (fused or not). Each is moved at least as far as the moved origin of any direction.
     ///
     /// With an inverse `i`, such a test errs by `u |plane i|` where the product is rounded, by `u |origin i|`, and by `u` times the result,
     /// which is `u |(plane - origin) i|`: as if the origin were off by `2 u reach + 2 u |origin|`. The test of [`PreparedRay::slabs`] errs
-    /// by 3 u of the distance, and its far side by 8 u more: `11 u reach`. This origin is moved by more than both together, so no box is
-    /// culled that the other test enters.
+    /// by 3 u of the distance, and its far side by 8 u more: `11 u reach`. This origin is moved by more than the two errors together, so no
+    /// box is culled that [`PreparedRay::slabs`] enters.
     #[inline(always)]
     pub(crate) fn farthest(&self) -> [[f32; 3]; 2] {
         let [[a, b], [c, d], [e, f]] = self.moved;
@@ -60,8 +60,8 @@ impl Start {
         [[most(0), most(1), most(2)], [least(0), least(1), least(2)]]
     }
 
-    /// The data of [`PreparedRay::new`] for triangle tests. The direction must be one that [`PreparedRay::new`] does not refuse, without a
-    /// component that it flushes to 0.
+    /// The same line as in [`PreparedRay::new`]. `longest` is the axis of the largest component of the direction. [`PreparedRay::new`] must
+    /// accept the direction and flush no component of it to 0, and no component may be above [`LONGEST_DIRECTION`].
     #[inline(always)]
     pub(crate) fn line(&self, direction: [f32; 3], shear: [f32; 2], longest: usize) -> Line {
         Line {
@@ -93,7 +93,7 @@ impl Start {
     }
 }
 
-/// The other two axes, then the axis of the largest component of a direction.
+/// The three axes in cyclic order, `longest` last.
 #[inline(always)]
 pub(crate) fn permutation(longest: usize) -> [usize; 3] {
     // A table: a branch would be mispredicted most of the time.
@@ -119,7 +119,7 @@ fn doubt(reach: Vec3, t_min: f32) -> f32 {
 pub(crate) struct Line {
     pub(crate) origin: [f32; 3],
     pub(crate) direction: [f32; 3],
-    /// The other two axes, then the axis of the largest component of the direction.
+    /// The axes in cyclic order; the last is the one of the direction's component of largest magnitude.
     pub(crate) axes: [usize; 3],
     /// `d.x/d.z` and `d.y/d.z` in permuted axes.
     pub(crate) shear: [f32; 2],
@@ -211,8 +211,8 @@ impl PreparedRay {
         })
     }
 
-    /// The lanes of the boxes, given as planes `[low, high][axis]`, that the ray is inside of somewhere between `t_min` and `t_limit`; and
-    /// the distances at which it enters them, which are at least `t_min`.
+    /// The lanes of the boxes, given as planes `[low, high][axis]`, that the ray may meet between `t_min` and `t_limit`; and lower bounds
+    /// of the distances at which it enters them, which are at least `t_min`.
     ///
     /// A direction of zero along an axis gives infinite distances, or `0 * inf = NaN` for a plane through the padded origin. The operand
     /// order of the comparisons drops NaN: such a slab does not restrict the ray.

@@ -8,7 +8,7 @@ use std::mem::MaybeUninit;
 /// (`MAX_DEPTH` in `build/emit.rs`).
 pub(crate) const STACK: usize = 256;
 
-/// A stack of fixed capacity, uninitialised when it is made: clearing it costs more than a short ray.
+/// A stack of fixed capacity, uninitialised when it is made: clearing it takes longer than tracing a short ray.
 ///
 /// Invariant: the entries below `len` are initialised.
 pub(crate) struct Stack<T = u64> {

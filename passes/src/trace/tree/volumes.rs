@@ -42,8 +42,8 @@ impl Bounds {
 
 /// A plane through the origin of rays that all leave to the side of its normal.
 ///
-/// Such a ray meets only points on that side, so no ray hits a triangle whose corners are all on the other side. This culls the floor that
-/// an occlusion ray starts from, and everything flush with it, exactly.
+/// Such a ray meets only points on that side, so no ray hits a triangle whose corners are all on the other side. For occlusion rays this
+/// culls exactly the flat surface that they leave and everything coplanar with it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plane {
     pub(crate) origin: Vec3,
@@ -91,7 +91,7 @@ impl Ball {
         Self { origins, square: grown * grown }
     }
 
-    /// The lanes of boxes that certainly lie outside; unused lanes, which hold NaN, are not among them.
+    /// The lanes of boxes that certainly lie outside the ball; unused lanes, which hold NaN, are not among them.
     #[inline(always)]
     pub(crate) fn misses<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
         let zero = simd.splat(0.0);
@@ -122,8 +122,8 @@ pub(crate) fn slack(scene: &Bounds, origins: &Bounds) -> Vec3 {
     slab_padding(size, reach, reach.max_element())
 }
 
-/// The box around the half balls, on the side of a normal, around all points of a box. It is grown by more than the rounding of a ray's
-/// end, and by a slack. `None` where it overflows.
+/// Bounds of half balls of the given radius: one around each point of the box `origins`, on the side of `normal`. The bounds are grown by
+/// more than the rounding error of a ray's end point, and by `slack`. `None` if a bound is not finite.
 #[inline(always)]
 pub(crate) fn half_balls(origins: &Bounds, normal: Vec3, radius: f32, slack: Vec3) -> Option<([f32; 3], [f32; 3])> {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);

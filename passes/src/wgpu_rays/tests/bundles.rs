@@ -50,7 +50,8 @@ fn met(index: f64, incidence: f64, height: f64) -> f64 {
     exit.x + ray.direction.x / ray.direction.y * (height - exit.y)
 }
 
-/// Distances from the axis at which rays turn back on a plane: the bright rings.
+/// Distances from the axis at which rays are densest on a plane, because the distance has an extremum over the angle of incidence: the bright
+/// rings.
 fn folds(index: f64, height: f64) -> Vec<f64> {
     let steps = 4000;
     let end = 0.98 * Turned::at(1.0, index).sin.asin().max(0.9);
@@ -76,7 +77,7 @@ fn cases() -> Vec<Case> {
                 let far = f64::from(random.unit() * 5.0).exp2();
                 let angle = f64::from(random.unit()) * std::f64::consts::PI;
                 add(far * angle.sin(), far * angle.cos(), width);
-                // Near the axis and on it, in terms of the width.
+                // Near the axis, at a distance of up to four widths, and on it.
                 let near = f64::from(random.unit() * random.unit()) * 4.0 * f64::from(width);
                 add(near, far.max(1.03), width);
                 add(0.0, far.max(1.03), width);
@@ -106,7 +107,7 @@ fn expected(ball: &Ball, case: &Case) -> (DVec3, DVec2, u32) {
     (total, moment, number)
 }
 
-/// The device's output for each case; `change` is applied to the text of the programs.
+/// The device's output for each case; `change` is applied to the source of the programs.
 fn found(rays: &WgpuRays, balls: &[Ball], cases: &[Case], change: impl Fn(String) -> String) -> Vec<[f32; WORDS]> {
     let mut tables: Vec<u32> =
         balls[0].quadratures().flat_map(|point| point.as_vec2().to_array()).map(f32::to_bits).collect();
@@ -195,7 +196,7 @@ fn the_light_of_a_sphere_is_that_of_the_processor_in_f64() {
         assert_eq!(text.matches(exact).count(), 1);
         text.replace(exact, bare)
     });
-    // Compared off the axis, where no other error is as large as that of m.
+    // Compared off the axis, where no other error is as large as the error of m.
     let narrow = |case: &Case| far(case) && case.width < 2e-3 && case.at.x > 0.1;
     let (plain, wide) = (of(&plain, &narrow), of(&words, &narrow));
     println!("off the axis, far: {wide:?}; in 32 bits: {plain:?}");

@@ -134,8 +134,8 @@ fn the_irradiance_below_a_sphere_has_the_closed_form() {
 
 const EYE: Vec3 = Vec3::new(0.2, 0.4, 7.0);
 
-/// Spheres over a floor and before a wall, of which some focus light: a clear one, one that absorbs, one that lies in a block of glass, two that
-/// touch, and one of index 1; beside a red thin wall that absorbs some of the focused light.
+/// Spheres over a floor and before a wall, of which some focus light: a clear one, one that absorbs, one in a block of glass, two that overlap, and
+/// one of index 1. A red thin wall absorbs some of the focused light.
 fn spheres() -> World {
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.25, -0.8, -0.5)) };
     let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
@@ -221,7 +221,7 @@ fn spheres_that_focus_nothing_have_the_programs_of_straight_light() {
     world.sphere(air, Vec3::Z * 2.0, 1.0);
     let ground = world.paint(Vec3::ONE);
     world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
-    // Sizes left by other tests.
+    // Drops the launch sizes of other tests, whose keys are the kinds of the kernels that ran.
     rays.sizes.clear();
     let [caustic, straight] = [GlassShadow::Caustic, GlassShadow::Straight]
         .map(|shadow| picture_on(&mut *rays, &world, EYE, RayProgram::Final, auto(2, shadow, 0)).0);
@@ -252,7 +252,7 @@ fn photons_at_meshes_are_refused_by_name_and_spheres_alone_are_not() {
     assert!(run(&mut rays, &spheres(), RayParams { photons: 0, ..params }).is_ok());
 }
 
-/// A driver that leaves loops would silently lose the light of most of a thousand spheres.
+/// On a driver that leaves loops, most of the light of a thousand spheres would be missing without an error.
 #[test]
 fn more_spheres_than_a_driver_takes_in_one_loop_are_refused() {
     let Some(mut rays) = rays_in_turn() else { return };

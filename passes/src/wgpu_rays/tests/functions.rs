@@ -19,7 +19,7 @@ const COUNT: usize = 20_000;
 const GIVEN: usize = 12;
 const WORDS: usize = 30;
 
-/// What every entry reads and writes.
+/// The buffers that every entry reads and writes.
 const CASES: &str = "
 @group(3) @binding(0) var<storage, read> given: array<f32>;
 @group(3) @binding(1) var<storage, read_write> found: array<u32>;
@@ -106,8 +106,8 @@ fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geo
     answers(gpu, text, (&scene, &[]), cases)
 }
 
-/// Runs the entry `functions` of a text, to which [`CASES`] is appended, and returns its output for each case. It is given the buffers that it
-/// reads of group 1, and the tables of group 2 if it reads them.
+/// Runs the entry `functions` of the source `text`, to which [`CASES`] is appended, and returns its output for each case. `scene` holds the
+/// bindings and contents of the buffers of group 1 that the entry reads; `tables` is the contents of group 2, empty if the entry does not read it.
 pub(super) fn answers<const G: usize, const W: usize>(
     gpu: &Gpu,
     text: String,

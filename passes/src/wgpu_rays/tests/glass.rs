@@ -36,7 +36,7 @@ fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
 }
 
 /// Tinted, veiled and overlapping bodies, one inside another, an absorbing wall and a pane, over a floor with a textured block. A texture
-/// says where the veiled body and the wall let light enter.
+/// determines where light enters the veiled body and the wall.
 pub(super) fn several() -> World {
     several_of([Dielectric::default(); 3])
 }
@@ -89,7 +89,7 @@ pub(super) fn several_of(surfaces: [Dielectric; 3]) -> World {
     world
 }
 
-/// Pictures of a world on both backends, whose rays are counted alike.
+/// Pictures of a world by the wgpu backend and by the processor; `None` without a device. Checks that the counts of rays agree, up to a hundredth.
 pub(super) fn both(world: &World, eye: Vec3, program: RayProgram, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
     let mut rays = rays_in_turn()?;
     let (found, mine) = picture_on(&mut *rays, world, eye, program, params);
@@ -111,7 +111,7 @@ pub(super) fn picture_on(
 ) -> (Vec<[f32; 4]>, RayStats) {
     let targets = grid(SIDE, eye - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2);
     let shot = Shot::of(world, eye, targets).rows(SIDE);
-    // A job names its scene by address.
+    // A job identifies its scene by address.
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
     let job = RayJob { scene: &scene, ..shot.job(program, Fidelity::Corrected, params) };
     rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
@@ -344,7 +344,8 @@ fn the_camera_may_be_in_a_body() {
 const WATER: Vec3 = Vec3::new(0.3, 0.1, 0.6);
 const VESSEL: Vec3 = Vec3::new(0.02, 0.5, 0.1);
 
-/// A wall and a block in water, in a vessel of glass; both absorb light or are clear, and light passes them or does not.
+/// A wall and a block in water, which is in a vessel of glass. With `absorbs`, the water and the glass absorb light. Without `passes_light`, glass
+/// is opaque to shadow rays.
 fn in_water(absorbs: bool, passes_light: bool) -> World {
     let mut world = World { beyond: Vec3::splat(0.8), ..World::lit_along(Vec3::new(0.3, -0.4, -1.0)) };
     for (extinction, index, half) in [(VESSEL, 1.5, 3.2), (WATER, 1.33, 3.0)] {

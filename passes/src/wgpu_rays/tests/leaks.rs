@@ -10,7 +10,7 @@ use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// A closed, bumpy ball of triangles, without the triangles for whose index `left_out` returns true.
+/// A bumpy ball of triangles, without the triangles for whose index `left_out` returns true; closed if it returns false for all.
 fn ball(left_out: impl Fn(u32) -> bool) -> Arc<RenderScene> {
     const RINGS: u32 = 24;
     const AROUND: u32 = 40;

@@ -11,7 +11,8 @@ const SIDE: u32 = 64;
 /// Number of pixels that may differ by more than a hundredth, where the last bit of a direction decides what a ray hits.
 const FEW: usize = (SIDE * SIDE) as usize / 500;
 
-/// A directional light, a lamp whose light ends, a spot light with a soft edge, and one with a sharp edge that falls off from its axis.
+/// A directional light, a lamp whose light ends, a spot light with a soft edge, and a spot light with a sharp edge whose light decreases
+/// away from the axis.
 pub(super) fn lamps() -> Vec<Light> {
     let spot = |place: Vec3, cone: Cone| Light {
         place: Some(place),
@@ -43,7 +44,7 @@ pub(super) fn lamps() -> Vec<Light> {
     ]
 }
 
-/// The scattered world of these lights, whose textured surfaces emit light of a colour.
+/// The world of the picture tests under these lights, without a sun. Its textured surfaces emit light of one colour.
 fn lit_by(lights: Vec<Light>) -> World {
     let mut world = World { sun: None, lights, ..world() };
     for shade in world.shades.iter_mut().filter(|shade| shade.texture.is_some()) {
@@ -66,7 +67,7 @@ fn agrees(program: RayProgram, params: RayParams) -> Option<Vec<[f32; 4]>> {
     Some(found)
 }
 
-/// Checks that a picture changes where any one of the lights is removed.
+/// Checks that the picture changes if any one of the lights is removed.
 fn shows_each_light(found: &[[f32; 4]], program: RayProgram, params: RayParams) {
     for left_out in 0..lamps().len() {
         let mut fewer = lamps();
@@ -120,7 +121,7 @@ fn discs_throw_the_soft_shadows_of_the_processor() {
     }
 }
 
-/// In several kernels, of which the last contains everything that a single one would.
+/// `final` runs in several kernels. The last kernel contains all the code that a single kernel would.
 #[test]
 fn all_effects_together_know_several_lights_and_discs() {
     let Some(mut rays) = rays_in_turn() else { return };

@@ -1,4 +1,4 @@
-//! What devices cannot do, and how they fail.
+//! Scenes and pictures that exceed a device's limits, other jobs that are refused, and devices that fail.
 
 use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
@@ -62,7 +62,7 @@ fn scenes_that_no_bindings_hold_are_refused_by_what_is_too_large() {
     });
 }
 
-/// Every array in several bindings: nodes, triangles of leaves, vertices, the mesh and texels.
+/// Each array has several bindings: nodes, triangles of leaves, vertices, the mesh and texels.
 #[test]
 fn scenes_in_several_bindings_are_traced_to_the_same_bits() {
     let Some(mut rays) = rays() else { return };

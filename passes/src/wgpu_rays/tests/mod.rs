@@ -34,7 +34,7 @@ fn rays() -> Option<WgpuRays> {
 /// Idle backends, with their compiled kernels; software drivers take seconds to compile each.
 static WAITING: Mutex<Vec<WgpuRays>> = Mutex::new(Vec::new());
 
-/// A backend that tests use one after the other. A test that fails does not hand it on.
+/// A backend that tests use one after the other. If a test fails, later tests do not use its backend.
 struct InTurn(Option<WgpuRays>);
 
 impl Deref for InTurn {

@@ -84,7 +84,7 @@ pub(super) fn both_on(
         let few = if fidelity == Fidelity::Thesis { all(theirs.rays) / 1000 } else { 0 };
         assert!(all(mine.rays).abs_diff(all(theirs.rays)) <= few, "{program:?} {fidelity:?}");
     }
-    // Software adapters are known to fuse nothing, so their differences are printed.
+    // Software drivers do not fuse multiplications and additions, so any difference from the processor is of interest and is printed.
     if rays.gpu.adapter.kind == AdapterKind::Software {
         println!("{program:?} {fidelity:?}: {} of {} differ", differing(&found, &expected, 0.0), found.len());
     }
@@ -177,8 +177,8 @@ fn all_effects_together_are_the_processors() {
     agrees(RayProgram::Final, params, [FEW, 96 * 96 * 15 / 100]);
 }
 
-/// Points of triangles that are turned away from the light are lifted, with rays that the kernels trace one after the
-/// other.
+/// On triangles that face away from the light, but whose shading normals face it, the kernels lift the points, with rays that
+/// they trace one after the other.
 #[test]
 fn round_bodies_are_lit_as_by_the_processor() {
     let mut world = sphere(6, true);
@@ -197,7 +197,7 @@ fn round_bodies_are_lit_as_by_the_processor() {
     }
 }
 
-/// A part of a picture has the same pixels as in the whole picture: random numbers depend on the place in the picture.
+/// A part of a picture has the same pixels as the whole picture: random numbers depend on the pixel's place in the whole picture.
 #[test]
 fn parts_of_a_picture_are_those_of_the_whole() {
     let Some(mut rays) = rays_in_turn() else { return };

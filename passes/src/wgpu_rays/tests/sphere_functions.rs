@@ -96,7 +96,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-/// The device's output for each case; `change` is applied to the text of the programs.
+/// The device's output for each case; `change` is applied to the source of the programs.
 fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
     let kind =
@@ -131,7 +131,7 @@ fn met_error(sphere: &Sphere, ray: &Ray) -> f64 {
     off + (2.0 * radius * off).sqrt().min(radius * off / square.max(1e-300).sqrt())
 }
 
-/// -0 and 0 are the same distance.
+/// Whether the device's roots are the processor's; -0 and 0 count as the same distance.
 fn is_same(found: &[u32], expected: [u32; 3]) -> bool {
     let number = |bits: u32| f32::from_bits(bits);
     found[0] == expected[0] && (1..3).all(|place| number(found[place]) == number(expected[place]))
@@ -179,7 +179,8 @@ fn rays_meet_spheres_at_the_processors_distances_bit_by_bit() {
     assert!(points * 100 <= cases.len(), "{points} points differ");
 }
 
-/// A text whose test of spheres has roots and quotients that are off by up to four units in the last place, depending on an operand.
+/// The source `text`, changed so that its test of spheres has roots and quotients that are off by up to four units in the last place, depending on
+/// an operand.
 fn careless(text: &str) -> String {
     let [root, quotient] = ["let found = sep(sqrt(x));", "let found = sep(dividend / divisor);"];
     assert!(text.contains(root) && text.contains(quotient));

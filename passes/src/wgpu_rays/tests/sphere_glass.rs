@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 const EYE: Vec3 = Vec3::new(0.2, 0.4, 7.0);
 
-/// Spheres of glass beside the glass of a world of triangles: an absorbing one with a bubble and a core, one that reaches out of it and comes
-/// first, one in a block of triangles, one of index 1, a thin one and a veiled one.
+/// Adds spheres to a world of triangles: an absorbing one; a core and a bubble that overlap it, which have precedence over it; a bubble in the tinted
+/// block, a bead in a block of triangles, a thin one, a veiled one, and an opaque one.
 fn with_spheres(mut world: World) -> World {
     let sigma = Vec3::new(0.1, 0.4, 0.9);
     let shell = world.dielectric(Dielectric { extinction: sigma, priority: 1, ..solid(1.5) });
@@ -85,7 +85,7 @@ fn spheres_that_are_rough_or_bend_colours_apart_are_the_processors() {
     assert!(differing(&smooth, &expected, 0.003) > 5 * FEW, "control: it is seen");
 }
 
-/// The colour of a pixel.
+/// The colour that the program `refraction` gives a pixel that looks from `eye` along `direction`.
 fn look(rays: &mut WgpuRays, world: &World, eye: Vec3, direction: Vec3, params: RayParams) -> Vec3 {
     let shot = Shot::of(world, eye, [eye + direction]);
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());

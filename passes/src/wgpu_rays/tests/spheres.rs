@@ -1,4 +1,4 @@
-//! Exact spheres in the programs that do not ask for glass, and many of them, compared with the processor and with closed forms.
+//! Exact spheres in programs without bodies of glass, and ten thousand spheres, compared with the processor and with closed forms.
 
 use super::lights::lamps;
 use super::pictures::{both_of, both_on, differing};
@@ -51,7 +51,7 @@ pub(super) fn still() -> World {
     world
 }
 
-/// The G-buffer of [`still`].
+/// A G-buffer of the world [`still`].
 fn seen(world: &World) -> Shot<'_> {
     Shot::of(world, Vec3::new(0.5, 2.5, 9.0), grid(SIDE, Vec3::new(0.0, 1.6, 0.0), Vec3::X * 3.6, Vec3::Y * 2.6))
         .rows(SIDE)

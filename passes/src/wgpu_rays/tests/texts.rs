@@ -22,7 +22,7 @@ fn validate(source: &str) -> Result<naga::Module, String> {
     Ok(module)
 }
 
-/// The texts of all kernels by their kind; kernels that several numbers of samples share appear once.
+/// The sources of all kernels by their kind; a kernel that several numbers of samples have in common appears once.
 fn every_text() -> HashMap<String, String> {
     let mut texts = HashMap::new();
     let mut add = |kind: Kind, stage: Stage, arithmetic: Arithmetic, lod: TextureLod, split: Split| {
@@ -49,7 +49,7 @@ fn every_text() -> HashMap<String, String> {
             }
         }
     }
-    // With several lights, whose texts do not depend on the arithmetic.
+    // With several lights, whose sources do not depend on the arithmetic.
     for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Refraction, RayProgram::Final] {
         let panes = Variant::Panes(Fidelity::Corrected);
         let knows = Variant::OF_BODIES.contains(&program);

@@ -1,4 +1,4 @@
-//! Copies functions, constants and structures token by token, and replaces outdated names by today's.
+//! Copies functions, constants and structures token by token, and replaces outdated names by current ones.
 
 use super::super::tokens::{Kind, Token};
 use super::super::{Fault, SamplerKind, Stage};
@@ -6,7 +6,7 @@ use super::{
     Function, Origin, Reader, Variable, beside_name, compare_name, compare_projected_name, sampler_name, texture_name,
 };
 
-/// Functions whose first argument is a sampler, with their names today.
+/// Functions whose first argument is a sampler, with their current names.
 const SAMPLING: [(&str, &str); 21] = [
     ("texture", "texture"),
     ("textureLod", "textureLod"),
@@ -46,8 +46,8 @@ const WITHOUT: [(&str, &str); 10] = [
 ];
 
 impl Reader<'_> {
-    /// Copies a structure, a constant or a variable of the file to the text, and a function to the list of functions. Declarations of
-    /// functions are left out, since functions are later placed after those that they call.
+    /// Copies a structure, a constant or a variable of the file to the rewritten source, and a function to the list of functions.
+    /// Declarations of functions are left out, since functions are later placed after those that they call.
     pub(super) fn copy_statement(&mut self) -> Result<(), Fault> {
         let structure = self.peek(0).is_some_and(|token| token.is_word("struct"));
         let (begin, text, origins) = (self.at, self.done.text.len(), self.done.origins.len());
@@ -158,7 +158,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Rewrites a sampling call up to its sampler; `now` is the function's name today.
+    /// Rewrites a sampling call up to its sampler; `now` is the function's current name.
     fn sampled(&mut self, now: &str, token: &Token) -> Result<(), Fault> {
         let open = self.next()?;
         let Some(first) = self.peek(0) else { return Ok(()) };

@@ -160,7 +160,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads `[4]` as a text; empty without an array.
+    /// Reads the length of an array as written, such as `[4]`; empty without an array.
     pub(super) fn array(&mut self) -> Result<String, Fault> {
         let mut text = String::new();
         while self.peek(0).is_some_and(|token| token.is("[")) {

@@ -1,4 +1,4 @@
-//! Reads a stage's declarations, and rewrites its text in the form that the compiler takes.
+//! Reads a stage's declarations, and rewrites its source in the form that the compiler supports.
 //!
 //! This module goes through a file statement by statement. [`declarations`] reads declarations outside functions, [`blocks`] those in blocks,
 //! and [`body`] copies functions token by token.
@@ -26,9 +26,9 @@ pub(super) const TRUTH: &str = "curitiba_u_";
 /// A variable between the stages, an attribute, or a result.
 #[derive(Debug, Clone)]
 pub(super) struct Variable {
-    /// Name that links it to the other stage: that of its block, if any, then its own.
+    /// Name that links the variable to the other stage: its own name, after the name of its block and a dot if it is in a block.
     pub key: String,
-    /// Name in the rewritten text.
+    /// Name in the rewritten source.
     pub global: String,
     pub kind: String,
     /// Number of elements of an array, or of columns of a matrix; `None` for other types.
@@ -56,7 +56,7 @@ impl Uniform {
         matches!(self.kind.as_str(), "bool" | "bvec2" | "bvec3" | "bvec4")
     }
 
-    /// How its block declares it: type and name.
+    /// Type and name with which the block [`LOOSE`] declares the uniform.
     pub fn held(&self) -> (String, String) {
         match self.is_truth() {
             true => (self.kind.replace("bvec", "uvec").replace("bool", "uint"), format!("{TRUTH}{}", self.name)),
@@ -75,23 +75,23 @@ struct Function {
     calls: Vec<String>,
 }
 
-/// Where a part of the rewritten text comes from.
+/// Where a part of the rewritten source comes from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Origin {
-    /// Offset of the part's first byte in the rewritten text.
+    /// Offset of the part's first byte in the rewritten source.
     pub at: usize,
-    /// Offset of the first byte in the file that the part comes from.
+    /// Offset, in the file, of the first byte from which the part comes.
     pub start: usize,
-    /// Offset of one past the last such byte in the file.
+    /// Offset, in the file, of one past the last byte from which the part comes.
     pub end: usize,
 }
 
 /// A stage after reading.
 #[derive(Debug)]
 pub(super) struct Stated {
-    /// The file's text, rewritten.
+    /// The rewritten source.
     pub text: String,
-    /// Origins of the parts of the text, in their order.
+    /// Origins of the parts of [`Self::text`], in their order.
     pub origins: Vec<Origin>,
     /// Variables declared `in`.
     pub inputs: Vec<Variable>,
@@ -111,7 +111,7 @@ pub(super) struct Stated {
     pub coordinates: bool,
     /// Whether it writes `gl_FragDepth`.
     pub depth: bool,
-    /// Where it says `early_fragment_tests`.
+    /// Where the file declares `early_fragment_tests`, bytes.
     pub early: Option<[usize; 2]>,
     /// Uniform arrays with initial values. They are constants, since nothing can be mapped to them.
     pub fixed: Vec<Fixed>,
@@ -327,12 +327,12 @@ fn plain(sampler: &str) -> String {
     }
 }
 
-/// The name of a sampler's texture in the rewritten text.
+/// The name of a sampler's texture in the rewritten source.
 pub(super) fn texture_name(sampler: &str) -> String {
     format!("{OURS}t_{}", plain(sampler))
 }
 
-/// The name of the sampler itself in the rewritten text.
+/// The name of the sampler itself in the rewritten source.
 pub(super) fn sampler_name(sampler: &str) -> String {
     format!("{OURS}s_{}", plain(sampler))
 }

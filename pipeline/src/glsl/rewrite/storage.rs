@@ -50,7 +50,8 @@ uint {count}(uint at) {{ return {all}[at]; }}
 }
 
 impl Reader<'_> {
-    /// The index of the buffer at a binding point, which is added if it is missing. With `fresh` (for blocks) it must be missing.
+    /// The index of the buffer of the kind `held` at a binding point. The buffer is added if it is missing. With `fresh` (for blocks), a
+    /// buffer that is there already is a fault.
     pub(super) fn storage(&mut self, point: u32, held: Held, token: &Token, fresh: bool) -> Result<usize, Fault> {
         let known = self.done.storage.iter().position(|buffer| buffer.point == point && buffer.held == held);
         match known {

@@ -8,7 +8,7 @@ use crate::project::{Camera, Falloff, Light, Spot};
 use crate::scene::{Scene, SceneLight};
 use glam::{DVec3, Vec3};
 
-/// Greatest number of lights of scene files that shine in the project: each may take a shadow ray at every point.
+/// Greatest number of lights that a project takes from its scene files: each light may cost a shadow ray at every shaded point.
 const MOST: usize = 32;
 /// Number of points on surfaces at which the strength of lights is examined.
 const POINTS: usize = 1024;
@@ -40,8 +40,8 @@ pub(super) fn of(
     }
 }
 
-/// The lights of the files; if there are more than [`MOST`], those that give the most light to the focus. All are multiplied by
-/// one number, which stands for the exposure, so that most of the lit surfaces receive at most [`SUN`].
+/// The lights of the files; if there are more than [`MOST`], those that give the most light to the focus. The colours of all
+/// lights are multiplied by the same factor, as by an exposure, so that most of the lit surfaces receive at most [`SUN`].
 fn several(
     scene: &Scene,
     lights: &[SceneLight],
@@ -136,7 +136,8 @@ fn arriving(light: &SceneLight, origin: DVec3, Point { position, normal }: &Poin
     color * (window * cone * way.dot(*normal).abs() / (distance * distance * distance))
 }
 
-/// Points of the surfaces in a box, each for an equal part of their area.
+/// Up to [`POINTS`] points on the triangles whose centroids lie in a box. Each point represents an equal part of the area of these
+/// triangles. If there are more than [`MOST_TRIANGLES`] triangles, only every n-th triangle is examined.
 fn points(scene: &Scene, focus: Extent) -> Vec<Point> {
     let count: usize = scene
         .objects
@@ -146,7 +147,7 @@ fn points(scene: &Scene, focus: Extent) -> Vec<Point> {
         .sum();
     let step = count.div_ceil(MOST_TRIANGLES).max(1);
     let (mut number, mut whole) = (0_usize, 0.0);
-    // Corners of triangles, each with the sum of the areas up to this triangle.
+    // Corners of triangles, each with the sum of twice the areas up to and including this triangle.
     let mut triangles: Vec<(f64, [DVec3; 3])> = Vec::with_capacity(count / step);
     for object in &scene.objects {
         let mesh = &scene.meshes[object.mesh as usize];

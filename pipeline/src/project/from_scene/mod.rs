@@ -4,10 +4,10 @@
 //! |---|---|
 //! | camera | `Camera`: described by options, or placed to see the whole focus; the file's own cameras come first unless it is described |
 //! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
-//! | sky | a dome or box around everything else that is a sky by its name, is round, or is a box of pictures; its materials are a `<sky>` |
+//! | sky | a dome or box around everything else that is a sky by its name, is round, or is a sky box; its materials are a `<sky>` |
 //! | effects | shadows (unless a closed room keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
-//! | focus | the box of all triangles, or of most of them if a few far ones (a sky) make it more than three times as large; without a shell around all else (a sky dome, a closed room), in which the camera stands |
+//! | focus | box of all triangles, or of most if few far ones (a sky) make it over three times as large; without a shell that contains the camera |
 //! | occlusion radius | a twentieth of the diagonal of the focus |
 //! | window | 1024 x 1024 |
 //! | colours | linear (`color=linear`) |
@@ -66,7 +66,7 @@ pub struct SceneProjects {
 
 impl SceneProjects {
     /// Reads scene files (without normals and textures) and examines their contents. `window` is the size of window and targets in
-    /// pixels.
+    /// pixels; `None` stands for 1024 x 1024. `max_bytes` limits the memory as [`LoadOptions::max_bytes`] does.
     ///
     /// # Errors
     /// If a file cannot be read, the scene has no triangles, or options do not fit it.
@@ -260,7 +260,7 @@ fn check(scene: &Scene) -> Result<(), String> {
     }
 }
 
-/// Problems without a place in a file.
+/// Notes, which have no place in a file.
 #[derive(Default)]
 struct Notes(Problems);
 
@@ -295,7 +295,7 @@ fn clean(name: &str) -> Option<String> {
     (!folded.is_empty()).then_some(folded)
 }
 
-/// Turns everything in a scene so that y points up.
+/// Rotates everything in a scene so that the axis `up` becomes y.
 fn turn(scene: &mut Scene, up: Up) {
     let turn = up.turn();
     scene.origin = turn.as_dmat4().transform_point3(scene.origin);

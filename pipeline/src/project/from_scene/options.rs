@@ -60,7 +60,7 @@ pub enum Up {
     /// y, as in glTF and most OBJ files.
     #[default]
     Y,
-    /// z, as in many files of CAD programs and of 3D Studio. The scene is turned: new y = z, new z = -y.
+    /// z, as in many files of CAD programs and of 3D Studio. The scene is rotated: new y = z, new z = -y.
     Z,
 }
 
@@ -95,7 +95,7 @@ pub struct SceneOptions {
     /// The effects. Default: shadows, occlusion, and glass if a drawn material is glass.
     pub effects: Option<Effects>,
     /// Position of the camera, world. Default: a position that shows the whole focus (the scene, or most of it), or one inside the
-    /// shell around it.
+    /// shell around the focus.
     pub look_from: Option<DVec3>,
     /// Point that the camera looks at, world. Default: the centre of the focus, rounded.
     pub look_at: Option<DVec3>,

@@ -78,14 +78,14 @@ pub(super) struct Common<'a> {
     pub radius: f32,
     /// Whether the program `final` computes occlusion.
     pub occlusion: bool,
-    /// Whether glass follows its materials, in front of the background, with coloured shadows and filtered textures; otherwise all
-    /// glass is the report's panes.
+    /// Whether glass is treated as its materials say (`glass=auto`), also in front of the background, with coloured shadows
+    /// (`shadow=straight`) and textures filtered at hits. If not, all glass is treated as the report's panes.
     pub bodies: bool,
 }
 
 impl Common<'_> {
-    /// The targets and the pipeline. Passes have the names of the report's projects, so that its commands work: `pass1` draws,
-    /// `pass2` (and `pass3`) compute, `pass5` fills the window.
+    /// The targets and the pipeline. Passes have the names of the report's projects, so that the report's commands work:
+    /// `pass1` draws, `pass2` (and `pass3`) compute, `pass5` fills the window.
     pub fn pipeline(&self, steps: &[Step]) -> (Vec<RenderTarget>, Pipeline) {
         let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float, depth: false };
         let target = |name: &str, channels: Vec<Channel>| RenderTarget {

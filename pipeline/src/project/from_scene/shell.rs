@@ -19,9 +19,10 @@ const NO_SKIES: [&str; 3] = ["skylight", "skyscraper", "skyline"];
 pub(super) struct Shell {
     /// Name of its object, or of its material where the object has several.
     pub name: String,
-    /// Whether a camera outside of it sees nothing else: its material is not single-sided.
+    /// Whether the shell hides its contents from a camera outside: not all of its materials are single-sided.
     pub hides: bool,
-    /// Whether it is a sky: by its name, because it is round, or as a box of pictures that is far larger than its contents.
+    /// Whether it is a sky: by its name, because it is round, or because it is a sky box, whose sides have one material each, far larger
+    /// than its contents.
     pub is_sky: bool,
     /// Corners, anticlockwise as seen from the front.
     triangles: Vec<[DVec3; 3]>,
@@ -47,7 +48,8 @@ pub(super) fn outermost(scene: &Scene, parts: &[Part]) -> Option<(Shell, Vec<boo
     })
 }
 
-/// Whether a part is in a side of the box around all parts, as the pictures of sky boxes are: flat, and nearly as large as the side.
+/// Whether a part is in a side of the box around all parts, as the sides of sky boxes are: flat, and nearly as large as the side of the
+/// box.
 fn is_side(part: &Part, whole: Extent) -> bool {
     /// `FLAT`: most extent of its short side, and most distance from the box's side. `LARGE`: least extent of its long sides. All
     /// are shares of the box.
@@ -84,18 +86,20 @@ fn is_named_sky(scene: &Scene, part: &Part) -> bool {
 }
 
 impl Shell {
-    /// The shell that `parts` form around contents with the box `inner`; `None` if they form none. It is a sky only if it `may_be_sky`.
+    /// The shell that `parts` form around contents with the box `inner`; `None` if they form none. The shell is a sky only if `may_be_sky`
+    /// is true.
     fn around(scene: &Scene, parts: &[&Part], inner: Extent, may_be_sky: bool) -> Option<Self> {
         /// Greatest number of triangles that are examined.
         const MOST: usize = 1 << 20;
         /// How far a corner of the inner box may lie beyond the shell's box, as a share of the shell's size. The corners of a
         /// square terrain under a round dome do so.
         const BEYOND: f64 = 0.05;
-        /// Number of upward directions in which rays are tested against the shell, and most of them in which it may be open.
+        /// `DIRECTIONS`: number of upward rays that are tested against the shell. `OPEN`: greatest number of these rays that may leave the
+        /// contents without hitting the front of the shell.
         const DIRECTIONS: u32 = 64;
         const OPEN: u32 = 3;
-        /// A box of pictures is more than `FAR` times as large as its contents. They lie above its bottom by more than the share
-        /// `ABOVE` of its height: contents that stand on the bottom are in a room.
+        /// The diagonal of a sky box is more than `FAR` times that of its contents. The contents lie above the bottom of the box
+        /// by more than the share `ABOVE` of its height: contents that stand on the bottom are in a room.
         const FAR: f64 = 4.0;
         const ABOVE: f64 = 0.1;
         let extent = around(parts.iter().copied())?;
@@ -144,7 +148,7 @@ impl Shell {
         }
     }
 
-    /// Whether a ray in a direction hits the shell, and the farthest hit is on a front face or `may_look_away`.
+    /// Whether a ray hits the shell, and its farthest hit is on a front face; with `may_look_away`, a hit on a back face counts too.
     fn closes(&self, from: DVec3, direction: DVec3, may_look_away: bool) -> bool {
         let hits = self.triangles.iter().filter_map(|corners| hit(corners, from, direction));
         hits.max_by(|a, b| a.0.total_cmp(&b.0)).is_some_and(|(_, is_front)| is_front || may_look_away)
@@ -200,7 +204,7 @@ fn upwards(number: u32, count: u32) -> DVec3 {
     DVec3::new(level * cos, height, level * sin)
 }
 
-/// Distance at which a ray meets a triangle, and whether it meets the front (Möller and Trumbore).
+/// Distance at which a ray hits a triangle, and whether it hits the front (Möller and Trumbore).
 fn hit([a, b, c]: &[DVec3; 3], from: DVec3, direction: DVec3) -> Option<(f64, bool)> {
     let (to_b, to_c) = (b - a, c - a);
     let across = direction.cross(to_c);

@@ -84,7 +84,7 @@ fn textures_at_hits_are_filtered() {
 #[test]
 fn the_box_is_that_of_triangles_and_the_radius_follows_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    // The fifth vertex of the file is far away and in no triangle.
+    // The fifth vertex of the file is far away and belongs to no triangle.
     let project = open(&scene(folder.path(), 1.0, false), &SceneOptions::default());
     let PassKind::Ray(ray) = &project.pipelines[0].passes[1].kind else { panic!("a ray pass") };
     assert!(!project.problems.to_string().contains("far triangles"), "few triangles are no reason to leave some out");
@@ -183,7 +183,7 @@ fn the_camera_of_a_scene_under_a_dome_stands_in_it() {
     };
     let [(near, _), (far, notes)] = [false, true].map(seen);
     assert!(near < 29.0 && far > 40.0 && notes.contains("clear from outside"), "{near} {far} {notes}");
-    // A dome that shows its outside, or of which a quarter is missing, is looked at as a whole.
+    // If the dome's faces look outwards, or a quarter of them is missing, the camera sees the whole scene from outside.
     for (inwards, part) in [(false, false), (true, true)] {
         let path = under_a_dome(folder.path(), inwards, part);
         let (eye, notes, passes) = opened(&path, &SceneOptions::default());
@@ -297,7 +297,7 @@ fn a_box_of_six_materials_is_a_sky_if_it_is_named_so_or_far_around_what_floats_i
     let of = |names: [&str; 6], bottom: f64| sky_of(&in_a_box(folder.path(), names, bottom)).0;
     assert_eq!(of(plain, -1.0), named(&plain));
     assert_eq!(of(skies, -10.0), named(&skies));
-    // A block that stands on the bottom is in a room, and a box with two walls of one material is not a sky box.
+    // A box is not a sky box if the block stands on its bottom, or if several of its sides have the same material.
     assert_eq!(of(plain, -10.0), []);
     assert_eq!(of(["wall", "wall", "floor", "ceiling", "wall", "wall"], -1.0), []);
 }
@@ -387,11 +387,11 @@ fn lights_of_the_file_keep_their_ratios_and_most_of_the_floor_is_below_white() {
     assert!(notes.contains("lights: `Bulb`, `Bulb`, `light 2` of the scene"), "{notes}");
     let passes = &project.pipelines[0].passes;
     assert!(passes.iter().take(2).all(|pass| pass.kind.lights() == [0, 1, 2]), "all shine");
-    // Raster effects know one directional light.
+    // Raster effects support one directional light.
     let made = SceneProjects::new(&[path], &SceneOptions::default(), None, 1 << 30).expect("a scene");
     let names: Vec<&str> = made.by_technique().iter().map(|(name, _)| *name).collect();
     assert!(names.contains(&"raster/SceneGTAO.xml") && !names.contains(&"raster/SceneShadowMap.xml"), "{names:?}");
-    // A sun that is asked for replaces all lights of the file.
+    // The sun of the options replaces all lights of the file.
     let path = folder.path().join("lamps.gltf");
     let asked = open(&path, &SceneOptions { sun: Some(Vec3::Y), ..SceneOptions::default() });
     assert_eq!(asked.lights.iter().map(Light::kind).collect::<Vec<_>>(), ["directional"]);
@@ -451,7 +451,7 @@ fn a_scene_whose_z_points_up_is_seen_as_if_it_had_been_turned() {
     assert_eq!(seen(&turned), seen(&upright));
     assert!(turned.scenes[0].swap_yz && !upright.scenes[0].swap_yz);
     assert_ne!(seen(&open(&path, &SceneOptions::default())), seen(&upright), "it is another view without the option");
-    // The drawn scene is turned in the same way.
+    // The drawn scene is rotated in the same way.
     let drawn = |project: &Project, path: &Path| {
         let scene = scene::load(&[path.to_owned()], &LoadOptions::default(), &|_| {}).expect("a scene");
         let options = scene::BuildOptions { swap_yz: project.scenes[0].swap_yz, ..scene::BuildOptions::default() };

@@ -10,15 +10,17 @@ use glam::{DVec3, Vec3};
 
 /// Default vertical field of view, degrees.
 const FOV: f32 = 45.0;
-/// Strength of the sun: with the ambient light of 0.3, a surface that faces it has brightness 1.
+/// Strength of the sun: with the ambient light of 0.3, a surface that faces the sun has brightness 1.
 pub(super) const SUN: f32 = 0.7;
 /// Margin around the scene's box in the picture, as a share of half the picture's size.
 const MARGIN: f64 = 0.04;
-/// Elevation of a default camera: the tangent of its angle above the horizon (1 for 45 degrees).
+/// Elevation of a default camera: the y component of the direction from the scene to the camera before normalisation. The x and z
+/// components are 0.5 and 1, or 1 and 0.5.
 const RISE: f64 = 0.45;
-/// Elevation for scenes as flat as a terrain.
+/// [`RISE`] for scenes as flat as a terrain.
 const RISE_OF_FLAT: f64 = 0.8;
-/// Elevations, as [`RISE`], that are tried in order for a camera inside a shell. With the first the horizon is in the picture.
+/// Elevations that are tried in order for a camera inside a shell: tangents of the angle above the horizon. With the first one the horizon
+/// is in the picture.
 const RISES_INSIDE: [f64; 4] = [0.27, 0.5, 1.0, 2.0];
 /// Distance of a camera inside a shell from its target, as a share of the distance from the target to the shell.
 const BEFORE_SHELL: f64 = 0.9;
@@ -77,8 +79,9 @@ pub(super) fn camera(options: &SceneOptions, contents: &Contents, window: [u32; 
     })
 }
 
-/// Unit direction from the box towards the camera: from the front (z), a little from the right and from above; from the side if
-/// that is far broader; from higher above if the scene is flat.
+/// Unit direction from the box towards the camera: from the front (+z), a little from the right (+x) and from above. If the box
+/// is more than twice as long along z as along x, from the side (+x) and a little from +z. From higher above if the box is
+/// flat.
 fn away(extent: Extent) -> DVec3 {
     let size = extent.high - extent.low;
     let rise = if size.y < 0.2 * size.x.max(size.z) { RISE_OF_FLAT } else { RISE };
@@ -114,7 +117,7 @@ fn place(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2])
     eye + away * if farthest > 0.0 { farthest } else { 1.0 }
 }
 
-/// The distance from which a camera that looks at `target` sees all corners of the box.
+/// The least distance from `target` at which a camera that looks at `target` sees all corners of the box.
 fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2]) -> f64 {
     let ([tan_x, tan_y], [right, up]) = frame(away, fov, window);
     let needed = |corner: DVec3| {

@@ -61,7 +61,7 @@ pub(super) fn texture(project: &Project, channel: ChannelRef) -> String {
 }
 
 impl Library {
-    /// Its file's text; paths are relative to `folder`.
+    /// The contents of the library's file; paths are relative to `folder`.
     pub fn document(&self, project: &Project, folder: &Path) -> Result<String, WriteError> {
         let mut xml = Xml::new("Render targets and materials of the project beside this file.");
         xml.begin("materialLib", &[("name", &self.name)]);

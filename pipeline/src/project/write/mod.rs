@@ -1,6 +1,6 @@
 //! Writes a project without own shaders as XML that [`super::load`] reads back with the same numbers, bit for bit.
 //!
-//! Render targets and materials are written to a file beside it: `view.mlib` beside `view.xml`.
+//! Render targets and materials are written to a file in the same folder: `view.mlib` for `view.xml`.
 
 mod library;
 mod numbers;
@@ -27,7 +27,7 @@ pub enum WriteError {
          valid: names and paths without `*`, `\\`, control characters, and white space at an end or doubled; rename it"
     )]
     Text(String),
-    /// The file exists already; a person may have edited it.
+    /// The file exists already. It is not overwritten, since a person may have edited it.
     #[error("{} is there already; name another file, or delete this one", .0.display())]
     Exists(PathBuf),
     /// An error of the file system.
@@ -265,7 +265,8 @@ fn write_falloff(xml: &mut Xml, Falloff { attenuation, range, spot }: &Falloff) 
     }
 }
 
-/// A path as the project file names it: relative to its folder, or absolute if they have only the root in common.
+/// A path as the project file names it: relative to the project's folder, or absolute if the path and the folder have only the root in
+/// common.
 fn relative(path: &Path, folder: &Path) -> Result<String, WriteError> {
     let whole = std::fs::canonicalize(path).or_else(|_| std::path::absolute(path));
     let whole = whole.map_err(|error| WriteError::io(path, &error))?;
@@ -280,7 +281,7 @@ fn relative(path: &Path, folder: &Path) -> Result<String, WriteError> {
     let unusable = || WriteError::Text(path.display().to_string());
     let text = wanted.to_str().ok_or_else(unusable)?;
     if std::path::MAIN_SEPARATOR == '\\' {
-        // Slashes serve other machines too; a path with a drive works on this machine only.
+        // Paths with slashes work on every system; a path with a drive works on this machine only.
         return if text.contains(':') { Err(unusable()) } else { Ok(text.replace('\\', "/")) };
     }
     // The reader would convert a backslash to a slash.

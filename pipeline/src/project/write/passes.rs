@@ -91,7 +91,7 @@ impl Context<'_> {
         }
     }
 
-    /// A compute pass; the library of its material is not written.
+    /// Writes a compute pass. The library of its material is not written.
     fn compute(&self, xml: &mut Xml, pass: &ComputePass) {
         self.begin(xml, "compute", &[]);
         let groups = pass.groups.map(|count| count.to_string());
@@ -110,7 +110,8 @@ impl Context<'_> {
         }
     }
 
-    /// Writes what a pass sees: scenes, and cameras among them.
+    /// Writes the inputs that passes with a camera have in common: scenes and cameras among them, the camera, viewport and target, and
+    /// lights.
     fn seen(&self, xml: &mut Xml, (scenes, frusta): (&[usize], &[usize]), camera: usize, lights: &[usize]) {
         if !scenes.is_empty() || !frusta.is_empty() {
             xml.begin("scenes", &[]);

@@ -21,7 +21,7 @@ fn contents(project: &Project) -> String {
     for pass in project.pipelines.iter_mut().flat_map(|pipeline| &mut pipeline.passes) {
         pass.place.clear();
     }
-    // Libraries without targets are not in the value, and the order of targets may differ if there are several libraries.
+    // A project does not list libraries without targets, and the order of targets may differ if there are several libraries.
     let mut targets: Vec<_> = project.targets.iter().map(|target| format!("{target:?}")).collect();
     targets.sort();
     format!("{project:#?}\n{targets:#?}")

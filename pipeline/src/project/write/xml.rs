@@ -10,7 +10,7 @@ const MAX_VALUE: usize = 4096;
 pub(super) struct Xml {
     text: String,
     open: Vec<&'static str>,
-    /// The first text that the format cannot hold.
+    /// The error for the first text that the format cannot hold.
     wrong: Option<WriteError>,
 }
 

@@ -61,7 +61,8 @@ impl Layout {
     }
 }
 
-/// Reads a file in the layout that reads it to its last byte. The extension only decides which layout is tried first.
+/// Reads a file in the first of the two layouts in which it can be read to its last byte. The extension only decides which layout is tried
+/// first.
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let extension = context.file.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let layouts = if extension.eq_ignore_ascii_case("nbo") {

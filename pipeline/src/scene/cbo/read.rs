@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Deepest octree accepted: its smallest node would already be 2^-64 of the scene.
 const MAX_OCTREE_DEPTH: u32 = 64;
 
-/// An error, and the byte up to which the layout could read the file.
+/// An error, and the byte offset up to which the file could be read in the layout.
 pub(super) struct Failure {
     pub(super) error: SceneError,
     pub(super) reached: u64,

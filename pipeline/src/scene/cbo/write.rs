@@ -24,9 +24,9 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 /// Writes a scene. The file is written whole or not at all, and then replaces a file of that name.
 ///
 /// Objects that place the same mesh share it. Texture paths are stored relative to the file; images that are embedded in scene files, or
-/// combined from two files, are written beside it as `NAME.texture0.png`. The returned warnings count, by kind, what the format cannot
-/// store: properties of glass, emissive textures, emission that is added, normal maps, single-sided materials, alpha cutoffs (today's
-/// layout only), wrap modes, magnification, vertex colours, and letters outside Latin-1.
+/// combined from two files, are written to the file's folder as `NAME.texture0.png`. The returned warnings count, by kind, what the
+/// format cannot store: properties of glass, emissive textures, emission that is added, normal maps, single-sided materials, alpha
+/// cutoffs (today's layout only), wrap modes, magnification, vertex colours, and letters outside Latin-1.
 ///
 /// # Errors
 /// If a count does not fit the format, a texture's path is not valid Unicode, an image cannot be stored, or a file cannot be written.
@@ -55,8 +55,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Makes names unique in the form in which they are written, by appending an index where a name is taken. Objects share geometry
-/// and triangles find their material by name, and two different names may be equal in Latin-1.
+/// Makes names unique after their conversion to Latin-1, by appending an index where a name is taken. In the file, objects refer
+/// to meshes and triangles to materials by name, and two different names may be equal in Latin-1.
 fn unique_names<'a>(
     names: impl Iterator<Item = &'a str>,
     mut taken: HashSet<String>,
@@ -151,7 +151,7 @@ fn losses(material: &Material, scene: &Scene, layout: Layout) -> [(bool, &'stati
         attenuation_distance,
     } = material;
     let usual = Material::default();
-    // The properties in `body` and `rough` have no meaning for opaque materials.
+    // The properties that `body` and `rough` test have no meaning for opaque materials.
     let glass = *transmission != usual.transmission;
     let absorbs = *thickness != usual.thickness
         || *attenuation_color != usual.attenuation_color

@@ -21,7 +21,7 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// The index of the material that a URL names. It is read at its first use; a light grey material stands in for a missing one.
+    /// The index of the material that a URL names. The material is read at its first use; a light grey material replaces a missing one.
     pub(super) fn of(
         &mut self,
         url: Option<&str>,

@@ -26,7 +26,7 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     with_text(bytes, context, read_document)
 }
 
-/// [`read`] for decoded text; positions in errors count its bytes.
+/// [`read`] for decoded text; positions in errors count the bytes of this text.
 fn read_document(text: &str, context: &mut Context<'_>) -> Result<Scene, SceneError> {
     let file = context.file;
     let document = Document::read(text, context)?;

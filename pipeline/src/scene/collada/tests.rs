@@ -83,7 +83,7 @@ fn geometry_stands_in_metres_with_y_up_where_its_nodes_place_it() {
         object.transform.transform_point3(scene.meshes[object.mesh as usize].positions[vertex])
     };
     let near = |found: Vec3, expected: [f32; 3]| assert!(found.distance(expected.into()) < 1e-5, "{found}");
-    // (100, 0, 200) cm: twice as high, turned about z to (0, 100, 400), moved to (100, 100, 400); z up is y, y is -z.
+    // (100, 0, 200) cm: scaled to twice the height, rotated about z to (0, 100, 400), moved to (100, 100, 400); z up is y, y is -z.
     near(at(0, 2), [1.0, 4.0, -1.0]);
     near(at(2, 2), [6.0, 2.0, 0.0]);
     near(at(4, 0), [0.0, 0.0, -0.07]);
@@ -127,7 +127,7 @@ fn effects_are_materials() {
         .replace("<init_from>file://./my%20wall.png</init_from>", "<init_from><ref>my wall.png</ref></init_from>");
     let scene = load_text(&newer, Needs::ALL, 1 << 24).expect("it loads");
     assert_eq!(scene.materials[0].texture, Some(0), "{}", warnings(&scene));
-    // The sampler says what is read where the texture is magnified.
+    // The sampler's <magfilter> gives the magnification mode.
     let asked = |filter: &str| {
         let source = format!("<source>su</source>{filter}");
         let scene = load_text(&HOUSE.replace("<source>su</source>", &source), Needs::ALL, 1 << 24).expect("it loads");

@@ -1,4 +1,4 @@
-//! The elements of an XML file with look-up by id, since COLLADA refers to elements that come later.
+//! The elements of an XML file with look-up by id, since COLLADA elements refer to elements that come later in the file.
 
 use crate::guard;
 use crate::scene::context::Context;
@@ -90,7 +90,7 @@ impl<'a> Document<'a> {
         Ok(this)
     }
 
-    /// Adds text to the innermost open element; returns the bytes that it allocates for it.
+    /// Adds text to the innermost open element; returns the number of bytes that it allocates.
     fn push(&mut self, open: &[u32], raw: &'a str) -> usize {
         let Some(open) = open.last() else { return 0 };
         // Blanks between children only separate words.

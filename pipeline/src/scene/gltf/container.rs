@@ -14,7 +14,7 @@ const GZIP_MAGIC: &[u8] = &[0x1F, 0x8B];
 const CHUNK_JSON: u32 = 0x4E4F_534A;
 const CHUNK_BIN: u32 = 0x004E_4942;
 
-/// Splits a file into its JSON text and, for GLB, its binary chunk.
+/// Splits a file into its JSON and, for GLB, its binary chunk.
 pub(super) fn split<'a>(bytes: &'a [u8], context: &Context<'a>) -> Result<(&'a [u8], Option<&'a [u8]>), SceneError> {
     if !bytes.starts_with(GLB_MAGIC) {
         // A byte order mark may be ignored (RFC 8259, section 8.1).
@@ -43,7 +43,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], context: &Context<'a>) -> Result<(&'a [
     Ok((text, binary))
 }
 
-/// Parses the JSON. An upper bound of the tree's memory is derived from the text and booked first.
+/// Parses the JSON. An upper bound of the tree's memory is derived from the JSON text and booked before parsing.
 pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root, SceneError> {
     let count = |byte: u8| text.iter().filter(|other| **other == byte).count();
     // No object of the tree is larger than 512 bytes, and no element of an array than 64.
@@ -59,7 +59,8 @@ pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root
     })
 }
 
-/// The version that an asset of any version declares. Files of version 1.0 may declare none; they list meshes by name.
+/// The version that an asset of any version declares. Files of version 1.0 may declare none; they are recognised by `meshes`, which is an
+/// object with names as keys.
 fn version(text: &[u8]) -> Option<String> {
     #[derive(serde::Deserialize)]
     struct Asset {
@@ -71,7 +72,7 @@ fn version(text: &[u8]) -> Option<String> {
         nodes: Option<serde::de::IgnoredAny>,
         meshes: Option<Named>,
     }
-    /// Read from an object, never from a list.
+    /// Deserialised from a JSON object, never from an array.
     #[derive(serde::Deserialize)]
     struct Named {}
     let any: Any = serde_json::from_slice(text).ok()?;

@@ -89,7 +89,7 @@ impl Decoded<'_> {
     }
 }
 
-/// The integer of a type that stands for 1 in normalised values (glTF 2.0, section 3.6.2.2).
+/// The integer of a type that represents 1 in normalised values (glTF 2.0, section 3.6.2.2).
 fn largest(of: DataType) -> Option<f32> {
     match of {
         DataType::Int8 => Some(127.0),

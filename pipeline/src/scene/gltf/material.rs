@@ -56,7 +56,7 @@ pub(super) struct Surface {
     /// Index of the material in the table.
     pub(super) material: u32,
     pub(super) coordinates: Coordinates,
-    /// Whether the material has a normal map and [`crate::scene::Needs`] asks for it.
+    /// Whether the material has a normal map and [`crate::scene::Needs`] includes normal maps.
     pub(super) mapped: bool,
     alpha: Alpha,
 }
@@ -73,7 +73,7 @@ impl Surface {
 pub(super) struct Materials {
     pub(super) table: MaterialTable,
     pub(super) textures: Vec<TextureSource>,
-    /// By material of the asset: its index in the table, and further properties for its primitives.
+    /// By material of the asset: its index in the table, and further properties that its primitives need.
     by_index: Vec<Surface>,
     /// The material of primitives without one, once it is made.
     default: Option<u32>,
@@ -279,7 +279,7 @@ fn blended_alphas(
     let source = if context.needs.textures {
         image(info, data, images, (name, NO_TEXTURE), context, warnings)?
     } else {
-        // A load without textures does not warn about missing ones.
+        // A load without textures does not warn about missing textures.
         let (mut unsaid, mut unkept) = (Warnings::default(), vec![None; images.len()]);
         image(info, data, &mut unkept, (name, NO_TEXTURE), context, &mut unsaid)?
     };
@@ -301,8 +301,8 @@ fn is_blended_pane(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_some_and(thin)
 }
 
-/// The transmission texture of glass, if a pass asks for it. For an evenly blended pane it is not read, since the texture multiplies only
-/// the share of the glass and not the gaps that alpha leaves.
+/// The transmission texture of glass, if the load needs it. For an evenly blended pane the texture is not read, since it multiplies only
+/// the share of the glass and not the gaps, whose share is 1 - alpha.
 fn transmission_texture<'a>(written: &'a json::Material, context: &Context<'_>) -> Option<&'a json::texture::Info> {
     let transmission = written.extensions.as_ref()?.transmission.as_ref()?;
     let wanted = context.needs.textures && context.needs.glass_maps;
@@ -344,7 +344,7 @@ fn surface(
             // Texels of less than half opacity, without the factor, become holes; all others are opaque.
             material.alpha_cutoff = (textured && factor.w > 0.0).then_some(MASK_CUTOFF * factor.w);
             if is_veil(written) {
-                // The share that alpha leaves shows what is behind, neither refracted nor tinted (glTF 2.0, section 3.9.4).
+                // The share 1 - alpha of the light passes straight through, neither refracted nor tinted (glTF 2.0, section 3.9.4).
                 material.transmission = (1.0 - factor.w).clamp(0.0, 1.0);
                 material.veil = 1.0 - material.transmission;
             } else if let Some(soft) = alphas.filter(|alphas| alphas.are_soft()) {
@@ -373,7 +373,7 @@ fn surface(
         material.filter = factor.truncate().clamp(Vec3::ZERO, Vec3::ONE);
         material.roughness = written.pbr_metallic_roughness.roughness_factor.0.clamp(0.0, 1.0);
         if is_blended_pane(written) {
-            // Alpha is the share of the area that the surface covers; the rest shows what is behind unchanged (glTF 2.0, section 3.9.4).
+            // Alpha is the share of the area that the surface covers; light passes the rest unchanged (glTF 2.0, section 3.9.4).
             let (gap, glass) = (1.0 - factor.w.clamp(0.0, 1.0), factor.w.clamp(0.0, 1.0) * material.transmission);
             material.transmission = gap + glass;
             material.veil = 1.0 - material.transmission;
@@ -436,7 +436,7 @@ fn surface(
             );
         }
     }
-    // Parameters that are left out are those of Schlick's approximation for the index of refraction.
+    // Missing parameters have the values of Schlick's approximation for the index of refraction.
     match extras.reflectance(&material) {
         Ok(curve) => material.reflectance = curve,
         Err(()) => {
@@ -450,7 +450,7 @@ fn surface(
     }
     let pbr = &written.pbr_metallic_roughness;
     let mapped = pbr.metallic_roughness_texture.is_some();
-    // The roughness texture of glass is read where a pass asks for it.
+    // The roughness texture of glass is read if the load needs glass maps.
     let rough_glass = material.transmission > 0.0 && context.needs.glass_maps;
     for (present, what) in [
         (written.occlusion_texture.is_some(), "occlusion of "),

@@ -17,7 +17,7 @@ pub(super) fn is_fallback(buffer: &json::Buffer) -> bool {
     extension.and_then(|extension| extension.get("fallback")).and_then(Value::as_bool) == Some(true)
 }
 
-/// Whether a buffer has views and all of them are compressed. It is then a fallback even if it is not declared as one.
+/// Whether a buffer has views and all of them are compressed. Such a buffer is a fallback even if it is not declared as one.
 pub(super) fn is_compressed_only(root: &json::Root, buffer: usize) -> bool {
     let mut views = root.buffer_views.iter().filter(|view| view.buffer.value() == buffer).peekable();
     views.peek().is_some() && views.all(|view| written(view).is_some())

@@ -118,8 +118,8 @@ struct Assembler<'a> {
 }
 
 impl Assembler<'_> {
-    /// Walks the nodes of the default scene, depth first, in order. Without a default scene it takes the first, or else all root
-    /// nodes.
+    /// Walks the nodes of the default scene, depth first, in order. If the asset names no default scene, walks its first scene;
+    /// without scenes, all root nodes.
     fn nodes(&mut self, context: &mut Context<'_>) -> Result<(), SceneError> {
         let root = self.data.root;
         let fail = |what: String| SceneError::file(context.file, what);

@@ -1,4 +1,4 @@
-//! Transforms of nodes with all digits of the file; the crate `gltf` rounds them to `f32`.
+//! Transforms of nodes with all digits of the file. The crate `gltf` rounds numbers to `f32`.
 
 use super::super::Scene;
 use super::super::context::Context;
@@ -8,7 +8,8 @@ use super::rotation;
 use ::gltf::json;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 
-/// If all translations are below this, the crate's numbers serve: there the spacing of `f32` numbers is at most 1 / 16384.
+/// If all components of translations are below this in absolute value, the crate's `f32` numbers are used: their spacing is at most 1 /
+/// 16384 there.
 const LARGE: f32 = 1024.0;
 
 /// The numbers of a node that the crate's `f32` would round too much.

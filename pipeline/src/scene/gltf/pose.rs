@@ -17,7 +17,7 @@ use ::gltf::json::{
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec3};
 use rayon::prelude::*;
 
-/// The state that deforms a mesh, other than its node's transform.
+/// What deforms a mesh in addition to its node's transform: a skin and morph targets.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub(super) struct Pose {
     /// Index of the skin.
@@ -98,9 +98,9 @@ impl Pose {
 /// The joint matrices of an asset's skins.
 #[derive(Debug, Default)]
 pub(super) struct Skins {
-    /// World transform of each node; `None` for a node that is its own ancestor. Empty until the first skin is met.
+    /// World transform of each node; `None` for a node that is its own ancestor. Empty until the first call of [`Self::meet`].
     globals: Vec<Option<DMat4>>,
-    /// By skin and joint: the matrix from the stored mesh to the world. Empty until the skin is met.
+    /// By skin and joint: the matrix from the stored mesh to the world. Empty until [`Self::meet`] is called for the skin.
     joints: Vec<Vec<DMat4>>,
 }
 

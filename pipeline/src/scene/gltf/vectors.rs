@@ -13,7 +13,7 @@ pub(super) struct Vectors<'a> {
 }
 
 impl Vectors<'_> {
-    /// Reads an attribute from the compressed stream if that holds it, otherwise from the accessor's buffer view.
+    /// Reads an attribute from the compressed stream if the stream contains it, otherwise from the accessor's buffer view.
     pub(super) fn read<const N: usize>(
         &self,
         accessor: Index<Accessor>,

@@ -10,7 +10,7 @@ use std::path::Path;
 
 const LIGHTS: &str = "KHR_lights_punctual";
 
-/// Greatest angle between the axis of a spot light and its edge: 90 degrees, as files round them.
+/// Greatest angle between the axis of a spot light and the edge of its cone, radians: 90 degrees, rounded up as in files.
 const WIDEST: f32 = 1.571;
 
 /// The perspective camera of a node (glTF 2.0, section 3.10). It looks along the node's -z with +y up; scales affect only its
@@ -91,7 +91,7 @@ pub(super) fn light(
     let angle = |name: &str, usual: f32| number(spot.and_then(|spot| spot.get(name)), usual.into()) as f32;
     let cone = [angle("innerConeAngle", 0.0), angle("outerConeAngle", FRAC_PI_4)];
     let [inner, outer] = cone;
-    // KHR_lights_punctual: the inner angle is below the outer one, and the outer is at most 90 degrees.
+    // KHR_lights_punctual: the inner angle is below the outer one, and the outer one is at most 90 degrees. Equal angles are accepted too.
     if range.is_nan() || range <= 0.0 || is_spot && !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= WIDEST)
     {
         return ignored("has a range or a cone that is not valid");

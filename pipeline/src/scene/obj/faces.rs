@@ -20,7 +20,7 @@ const NONE: u32 = u32::MAX;
 pub(super) struct Run {
     /// Index of the object's name in [`Faces::objects`], or in `Runs::objects` after the pieces are assembled.
     pub(super) object: u32,
-    /// Index of the material's name, likewise.
+    /// Index of the material's name in [`Faces::materials`], or in `Runs::materials` after the pieces are assembled.
     pub(super) material: u32,
     /// Whether every corner has texture coordinates.
     pub(super) texcoords: bool,
@@ -44,7 +44,8 @@ pub(super) struct Part {
 pub(super) struct Faces {
     /// Position indices of each triangle's corners.
     pub(super) positions: Vec<[u32; 3]>,
-    /// Texture coordinate indices, only of runs that have them; and normal indices, likewise.
+    /// Texture coordinate indices and normal indices of each triangle's corners; each list only has the triangles of runs with that
+    /// attribute.
     pub(super) texcoords: Vec<[u32; 3]>,
     pub(super) normals: Vec<[u32; 3]>,
     /// First triangle and number of triangles of each polygon that has more than one.

@@ -15,12 +15,13 @@ use std::collections::HashMap;
 /// All components of a vertex as bits, to find equal vertices.
 type Key = [u32; 11];
 
-/// Number of vertex hashes that one task looks at.
+/// Number of vertex hashes that one task examines.
 const CHUNK: usize = 1 << 14;
 
 /// Makes a mesh and an object of each set of runs that belong together, in the order of their first runs.
 ///
-/// `materials` has the material of each run. `coordinates` has, by material, the scale and offset of texture coordinates; `None` keeps them.
+/// `materials` has the material of each run. `coordinates` has, by material, the scale and offset of texture coordinates; `None` keeps the
+/// coordinates.
 pub(super) fn join(
     runs: &Runs,
     mut welded: Vec<Welded>,
@@ -78,7 +79,7 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
             .help(format!("valid: fewer than {limit}")));
     }
     starts.push(vertices as u32);
-    // During the joining each vertex exists twice, and has a hash with its number.
+    // During the joining each vertex exists twice, and a pair of its hash and its number is stored.
     let bytes = vertices * (16 + size_of::<Key>() as u64) + triangles * 12;
     context.budget.take(context.file, "joining the faces of an object", bytes)?;
     let shared = shared_vertices(&parts, &starts);
@@ -120,8 +121,8 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
     Ok(mesh)
 }
 
-/// The vertices that equal a vertex of an earlier run, ascending, each with the first such vertex. Vertices are counted through all
-/// runs. Equal vertices of one run are not shared: where a file lists a vertex twice, the two are meant to be separate.
+/// The vertices that equal a vertex of an earlier run, ascending, each with the first vertex that it equals. Vertices are counted
+/// through all runs. Equal vertices of one run are not shared: where a file lists a vertex twice, the two are meant to be separate.
 fn shared_vertices(parts: &[(u32, Welded)], starts: &[u32]) -> Vec<(u32, u32)> {
     let run_of = |vertex: u32| starts.partition_point(|start| *start <= vertex) - 1;
     let contents = |vertex: u32| {

@@ -22,7 +22,7 @@ pub(super) struct Counts {
     pub(super) faces: usize,
 }
 
-/// Cuts a file into pieces of about `size` bytes. Each consists of whole logical lines and knows the number of its first line.
+/// Cuts a file into pieces of about `size` bytes. Each piece consists of whole logical lines and stores the number of its first line.
 pub(super) fn pieces(bytes: &[u8], size: usize) -> Vec<Lines<'_>> {
     let mut rest = Lines::new(bytes).rest;
     let mut parts = Vec::with_capacity(rest.len() / size.max(1) + 1);

@@ -5,16 +5,16 @@
 //! normals are missing, the crease angle decides (see `render`).
 //!
 //! A file is cut at line ends into pieces, which all threads read in parallel. The first pass ([`scan`]) reads the numbers of every
-//! piece and counts them. The second ([`faces`]) reads the faces, now that the counts before each piece are known. Then the
-//! vertices of each run of faces are made ([`weld`]), and runs that belong together are joined ([`join`]). The result depends
+//! piece and counts them. The second pass ([`faces`]) reads the faces, for which the counts before each piece must be known. Then
+//! the vertices of each run of faces are made ([`weld`]), and runs that belong together are joined ([`join`]). The result depends
 //! neither on the cuts nor on the number of threads.
 //!
 //! If a file's contents are far from its origin, the positions are read again, relative to an origin near them, so that no digit is lost
 //! ([`super::origin`]).
 //!
-//! The crate `tobj` is not used: it reads a file sequentially, rejects a whole file for one bad number, and holds over 100 bytes
-//! for every face. An earlier reader built on it serves the tests: both must find the same scene in every file that is not far from its
-//! origin.
+//! The crate `tobj` is not used: it reads a file sequentially, rejects a whole file for one bad number, and holds over 100 bytes for
+//! every face. A reader built on `tobj` is the reference in tests: both readers must return the same scene for every file whose
+//! contents are not far from its origin.
 
 mod faces;
 mod join;
@@ -45,7 +45,7 @@ const PIECE: [usize; 2] = [1 << 16, 1 << 22];
 /// Number of triangles at which a run of faces ends; the next polygon begins a new run. Vertices that a file lists twice are merged
 /// only if they are in different runs, so this number affects the result and must not depend on the number of threads.
 const MAX_RUN: usize = 1 << 20;
-/// Number of bytes above which a thread books what it has used.
+/// Number of used bytes above which a thread books them with the [`Allowance`].
 const BLOCK: u64 = 1 << 16;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {

@@ -71,7 +71,7 @@ pub(super) struct Library {
     cut_out: HashMap<PathBuf, bool>,
     /// Distributions of the alpha of textures, by texture name and opacity; `None` for a texture that cannot be read.
     spread: HashMap<(String, u16), Option<Alphas>>,
-    /// Files already read: reading one again declares nothing new, and a file may name it a million times.
+    /// Libraries already read. Reading one again declares nothing new, and a file may name the same library a million times.
     files: HashSet<PathBuf>,
     /// Arguments of `mtllib` statements already followed, since a file may repeat one a million times.
     arguments: HashSet<String>,
@@ -112,7 +112,7 @@ impl Library {
         Ok(())
     }
 
-    /// Whether a texture has holes. The answer is cached, since materials may share a texture.
+    /// Whether a texture has holes: texels whose alpha is below [`MASK_CUTOFF`]. The result is cached, since materials may share a texture.
     fn is_cut_out(
         &mut self,
         texture: &Path,
@@ -215,19 +215,19 @@ impl Library {
     }
 }
 
-/// Where the alpha of a colour texture comes from.
+/// Source of the alpha of a colour texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Alpha {
     /// The image of `map_d`.
     Mask,
     /// The image of `map_Kd` itself.
     OfColor,
-    /// Nowhere: the image of `map_d` has no alpha.
+    /// No alpha: the image of `map_d` has none, and the alpha of the image of `map_Kd` is ignored.
     Ignored,
 }
 
 /// The colour texture of a material, and where its alpha comes from; `None` if the colour image is missing. If the image of `map_d` is
-/// missing, the colour image's own alpha serves.
+/// missing, the colour image's own alpha is used.
 fn color_texture(
     map: &Map,
     written: &Declaration,
@@ -254,7 +254,7 @@ fn color_texture(
 }
 
 impl Library {
-    /// The distribution of a texture's alpha, times an opacity in 65,535ths; `None` if the texture cannot be read. The answer is cached.
+    /// The distribution of a texture's alpha, times an opacity in 65,535ths; `None` if the texture cannot be read. The result is cached.
     fn alphas(
         &mut self,
         source: &TextureSource,
@@ -394,7 +394,7 @@ impl Parser<'_> {
             b"ni" => set(&mut current.ni, scalar(rest)),
             b"pr" => set(&mut current.pr, scalar(rest)),
             b"tr" => set(&mut current.tr, scalar(rest)),
-            // `d -halo 0.5` depends on the viewing angle; its factor serves as a constant.
+            // `d -halo 0.5` depends on the viewing angle; its factor is used as a constant.
             b"d" => {
                 let (first, factor) = split_word(rest);
                 set(&mut current.d, scalar(if first == b"-halo" { factor } else { rest }))

@@ -207,7 +207,7 @@ fn the_memory_cap_holds_in_every_stage_and_says_what_to_do() {
     assert!(read(2 * needed).is_ok());
 }
 
-/// The OBJ files in the scenes folder beside the project, if it exists, and in the folder that `CURITIBA_SCENES` names.
+/// The OBJ files in the folder `shared/scenes` next to the repository, if it exists, and in the folder that `CURITIBA_SCENES` names.
 fn files_at_hand() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes");
     let mut folders = vec![root];

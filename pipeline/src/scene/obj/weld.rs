@@ -74,7 +74,7 @@ fn weld_run(run: Run, segments: &[Segment], faces: &[Faces], numbers: &Numbers) 
 /// The vertex of each tuple of indices.
 struct Vertices {
     /// The first vertex of each position, indexed from the position `least`: texture coordinate, normal and number of the vertex.
-    /// Empty if the positions of a run span too wide a range.
+    /// Empty if the range of the positions' indices is too wide.
     first: Vec<[u32; 3]>,
     least: u32,
     /// All further vertices.
@@ -89,7 +89,7 @@ impl Vertices {
         Self { first, least, others: HashMap::new() }
     }
 
-    /// The vertex with these indices; a new one gets the number `next`.
+    /// The vertex with these indices; a new vertex gets the number `next`.
     fn find_or_insert(&mut self, indices: [u32; 3], next: u32) -> u32 {
         let [position, texcoord, normal] = indices;
         match self.first.get_mut((position - self.least) as usize) {

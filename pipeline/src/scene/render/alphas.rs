@@ -1,4 +1,4 @@
-//! Distribution of a texture's alpha, which decides whether a blended surface is seen through or cut out.
+//! Distribution of a texture's alpha, which decides whether a blended surface is transparent or cut out.
 
 use super::super::error::{Budget, SceneError};
 use super::super::{Material, Needs, TextureSource};
@@ -9,7 +9,7 @@ use std::path::Path;
 /// Alpha cutoff of surfaces that are blended texel by texel: only texels whose 8-bit alpha is 0 are holes.
 const CLEAR: f32 = 0.5 / 255.0;
 
-/// Warning about materials that are blended texel by texel, where no pass asks for glass.
+/// Warning about materials that are blended texel by texel in a load without [`Needs::glass_maps`].
 pub(in crate::scene) const BLENDED: &str = "materials that are blended texel by texel";
 /// Remedy in the warning [`BLENDED`].
 pub(in crate::scene) const CUT_WITHOUT_GLASS: &str = "without glass=\"auto\" what is half clear or more is cut out";
@@ -43,12 +43,12 @@ impl Alphas {
         self.half_clear > Self::LEAST
     }
 
-    /// Makes a material transparent: by the alpha of each texel if a pass asks for glass, otherwise evenly by the mean alpha. Returns
-    /// whether it is by texel.
+    /// Makes a material transparent: by the alpha of each texel if the load needs textures and glass maps, otherwise evenly by the
+    /// mean alpha. Returns whether it is by texel.
     pub(in crate::scene) fn blend(self, material: &mut Material, needs: Needs) -> bool {
         let by_texel = needs.textures && needs.glass_maps;
         if by_texel {
-            // The transmission texture says how clear each texel is.
+            // The transmission texture holds the transmittance of each texel.
             (material.transmission, material.veil) = (1.0, 0.0);
             material.alpha_cutoff = Some(CLEAR);
         } else {

@@ -46,7 +46,7 @@ pub(super) struct Placed<'a> {
     pub origin: DVec3,
 }
 
-/// Returns the triangles in world space, the factor by which lengths were scaled, and the world position of the triangles' origin.
+/// Returns the triangles and spheres in world space, the factor by which lengths were scaled, and the world position of their origin.
 pub(super) fn flatten(
     mut meshes: Vec<Mesh>,
     (Placed { objects, spheres: placed_spheres, origin: own }, materials): (Placed<'_>, &[Material]),
@@ -87,7 +87,7 @@ pub(super) fn flatten(
     }
     let vertices = total_size(&meshes, objects, has, options, files, budget)?;
 
-    // A scene that is made unit size is placed around 0 first, wherever it was.
+    // A scene that is made unit size is centred at 0 later, so its own origin has no effect.
     let own = if options.unitize { DVec3::ZERO } else { own };
     let turn = if options.swap_yz { DMat4::from_cols_array_2d(&SWAP_YZ) } else { DMat4::IDENTITY };
     let file = files.whole_scene();
@@ -348,7 +348,7 @@ fn ensure_tangents(
     Ok(())
 }
 
-/// The list itself at its last use, a borrowed view before.
+/// The list itself, moved out, at its last use; a borrowed view at earlier uses.
 fn claim<T: Clone>(list: &mut Vec<T>, last: bool) -> Cow<'_, [T]> {
     if last { Cow::Owned(std::mem::take(list)) } else { Cow::Borrowed(list) }
 }
@@ -416,8 +416,8 @@ fn append_vertices(
     }
 }
 
-/// Applies [`BuildOptions::transform`] to the whole scene. If `exact`, positions were already placed with it, unless the scene was
-/// made unit size.
+/// Applies [`BuildOptions::transform`] to the whole scene. If `exact`, positions were already placed with this transform, unless
+/// the scene was made unit size.
 fn place(geometry: &mut Geometry, options: &BuildOptions, exact: bool, origin: DVec3) {
     let transform = options.transform;
     let positions = geometry.positions.par_iter_mut();
@@ -438,7 +438,8 @@ fn turn(normals: &mut [Vec3], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sy
     let matrix = normal_matrix(transform);
     normals.par_iter_mut().for_each(|normal| {
         let turned = normals::unit(matrix * *normal);
-        // Only a singular transform leaves no direction. With rank 1 or less, triangles have no area and are dropped; with rank 2, Z stands in.
+        // Only a singular transform leaves no direction. With rank 1 or less, triangles have no area and are dropped; with rank 2, the
+        // normal becomes Z.
         *normal = if turned == Vec3::ZERO { Vec3::Z } else { after(turned) };
     });
 }
@@ -577,7 +578,7 @@ fn around(one: Option<Bounds>, other: Option<Bounds>) -> Option<Bounds> {
     }
 }
 
-/// Centres positions and spheres and scales them so that the longest side of their box is [-1, 1]. Returns the scale.
+/// Centres positions and spheres and scales them so that the longest side of their box reaches from -1 to 1. Returns the scale.
 fn unitize(positions: &mut [Vec3], balls: &mut [Ball]) -> f32 {
     let low = positions.iter().fold(Vec3::INFINITY, |low, position| low.min(*position)).as_dvec3();
     let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, position| high.max(*position)).as_dvec3();

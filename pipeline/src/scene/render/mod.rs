@@ -18,14 +18,15 @@ use std::path::{Path, PathBuf};
 /// Options of [`RenderScene::build`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BuildOptions {
-    /// The attributes that passes read.
+    /// The attributes and maps that passes read.
     pub needs: Needs,
     /// Whether normals stay in model space, as in the report's program.
     pub model_space_normals: bool,
     /// Maps `(x, y, z)` to `(x, z, -y)`, for models with z up. Normals are mapped too, also in model space, because the report's
     /// engine converts the vertex data itself.
     pub swap_yz: bool,
-    /// Centres the scene's box at the origin and scales it uniformly so that its longest side is [-1, 1]; after [`Self::swap_yz`].
+    /// Centres the scene's box at the origin and scales it uniformly so that its longest side reaches from -1 to 1; after
+    /// [`Self::swap_yz`].
     pub unitize: bool,
     /// Placement of the whole scene in the world, after [`Self::unitize`]. It does not transform normals that stay in model space.
     pub transform: Mat4,
@@ -181,7 +182,7 @@ fn colors(material: &mut Material) -> [&mut Vec4; 4] {
     [diffuse, ambient, specular, emission]
 }
 
-/// Clamps the colours of a material to [`BRIGHTEST`]; returns whether they were within it.
+/// Clamps the colours of a material to [`BRIGHTEST`] in absolute value; returns whether all were in this range.
 fn bounded(material: &mut Material) -> bool {
     let mut bounded = true;
     for color in colors(material).into_iter().filter(|color| !in_range(color.truncate())) {

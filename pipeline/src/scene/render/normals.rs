@@ -59,9 +59,9 @@ struct Split {
     corners: Vec<u64>,
 }
 
-/// Averages face normals at each vertex, weighted by the corner's angle. Where they cancel, it takes the first face's normal; without
-/// faces, +z. With `creases`, only faces that are connected around the vertex by edges below the crease angle are averaged. Sums are formed
-/// in the order of the triangles, whatever the number of threads.
+/// Averages face normals at each vertex, weighted by the corner's angle. Where the weighted normals cancel, the result is the first face's
+/// normal; without faces, +z. With `creases`, only faces that are connected around the vertex by edges below the crease angle are averaged.
+/// Sums are formed in the order of the triangles, whatever the number of threads.
 fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
     let lists: Vec<&[[u32; 3]]> = mesh.groups.iter().map(|group| &group.triangles[..]).collect();
     let copied;
@@ -239,7 +239,7 @@ impl Fan {
             let [(end, first), (other_end, second)] = [pair[0], pair[1]];
             if end == other_end && self.corners[first].normal.dot(self.corners[second].normal) >= CREASE_COSINE {
                 let (first, second) = (root(&mut self.corners, first), root(&mut self.corners, second));
-                // The earliest corner stands for its part.
+                // The earliest corner is the root of its part.
                 let (early, late) = (first.min(second), first.max(second));
                 self.corners[late].parent = early;
             }

@@ -25,8 +25,8 @@ pub(super) struct Bare {
     pub crowded: u64,
 }
 
-/// Whether a mesh needs tangents: whether some of its triangles have a material that `mapped` marks (with a normal map, or any if shaders
-/// read tangents).
+/// Whether a mesh needs tangents: whether some of its triangles have a material that `mapped` marks (materials with a normal map, or all
+/// materials if shaders read tangents).
 pub(super) fn is_mapped(mesh: &Mesh, mapped: &[bool]) -> bool {
     mesh.groups.iter().any(|group| is_group_mapped(group.material, mapped) && !group.triangles.is_empty())
 }

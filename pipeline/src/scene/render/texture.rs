@@ -144,7 +144,7 @@ pub(super) struct Cost {
     pub(super) working: u64,
 }
 
-/// Determines the cost from the headers alone.
+/// Determines the cost from the image headers alone; the error says why the image cannot be decoded.
 pub(super) fn cost(source: &TextureSource) -> Result<Cost, String> {
     match source {
         TextureSource::File(path) => cost_of_file(path),

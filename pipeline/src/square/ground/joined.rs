@@ -21,7 +21,7 @@ impl Corners {
         }
     }
 
-    /// The corners in all grid cells that meet the box from `a` to `b`, enlarged by [`SAME`].
+    /// The corners in all grid cells that overlap the box from `a` to `b`, enlarged by [`SAME`].
     fn around(&self, a: Vec2, b: Vec2) -> impl Iterator<Item = Vec2> {
         let (from, to) = (square(a.min(b) - SAME), square(a.max(b) + SAME));
         let squares = (from.y..=to.y).flat_map(move |y| (from.x..=to.x).map(move |x| IVec2::new(x, y)));

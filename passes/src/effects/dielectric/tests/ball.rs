@@ -22,7 +22,7 @@ fn irradiance(ball: &Ball, index: f64, at: DVec2, width: f64) -> (f64, Vec<Bundl
     (bundles.iter().map(|bundle| bundle.strength.x * bundle.ray.direction.y).sum(), bundles)
 }
 
-/// The mean irradiance of a ring of a plane across the axis.
+/// The mean irradiance of a ring of a plane perpendicular to the axis.
 fn ring(ball: &Ball, index: f64, height: f64, [inner, outer]: [f64; 2], steps: u32) -> f64 {
     let square =
         |step: u32| inner * inner + (outer * outer - inner * inner) * (f64::from(step) + 0.5) / f64::from(steps);
@@ -181,7 +181,7 @@ fn the_bright_ring_of_a_fold_is_where_rays_turn_back() {
     let (ball, height) = (Ball::new(1.33), 1.2);
     let light = |step: u32| irradiance(&ball, 1.33, DVec2::new(f64::from(step) * 1e-4, height), 1e-3).0;
     let brightest = (1000..4000).max_by(|a, b| light(*a).total_cmp(&light(*b))).expect("some");
-    // The rays that turn back furthest, at the extremum of rho(i), found by steps.
+    // The fold is at the maximum of rho(i), found by steps; rho is the coordinate x at which a ray meets the plane.
     let rho = |step: u32| {
         let ray = Turned::at(FRAC_PI_2 * f64::from(step) / 1e5, 1.33);
         let exit = ray.exit();

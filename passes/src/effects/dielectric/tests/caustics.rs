@@ -18,7 +18,7 @@ fn scene(index: f32, sigma: Vec3, height: f32) -> World {
     world
 }
 
-/// The share of the light at places that are seen from near, and the rays.
+/// The share of the light at each place, seen from a point near it, and the ray counts.
 fn light_at(world: &World, seen: impl IntoIterator<Item = (Vec3, Vec3)>, params: RayParams) -> (Vec<Vec3>, RayCounts) {
     let mut found = Vec::new();
     let mut counts = RayCounts::default();
@@ -131,7 +131,7 @@ fn what_is_in_the_way_of_the_bent_light_takes_it_and_nothing_else_does() {
         world.quad(paint, center, Vec3::X * half, Vec3::Y * half);
         floor(&world, [place], CAUSTIC)[0]
     };
-    // Opaque squares above the sphere, inside it and below it: each time one on the way of the bent rays, and one beside it.
+    // Opaque squares above the sphere, inside it and below it: each time one in the path of the refracted rays, and one beside that path.
     for (center, blocks) in [
         (Vec3::new(-0.57, 0.0, 4.0), true),
         (Vec3::new(0.3, 0.0, 4.0), false),
@@ -214,7 +214,7 @@ fn focused_light_is_seen_through_glass_and_on_walls_that_the_sun_passes_by() {
     let mut world = scene(1.5, Vec3::ZERO, 2.0);
     let clear = world.dielectric(solid(1.0, Vec3::ZERO));
     let paint = world.paint(Vec3::ONE);
-    // A wall along the light, beside the axis.
+    // A wall parallel to the light, beside the axis.
     world.quad(paint, Vec3::new(0.5, 0.0, 0.0), Vec3::Y * 9.0, Vec3::NEG_Z * 0.6);
     let plain = floor(&world, [Vec3::X * 0.1], CAUSTIC)[0];
     world.sphere(clear, Vec3::new(0.1, 0.0, 0.08), 0.01);

@@ -5,7 +5,7 @@ use crate::cpu;
 use crate::trace::{Event, Outcome, Purpose, Ray, Recorder};
 use curitiba_pipeline::glass::strata;
 
-/// Like BK7, or with many times its dispersion.
+/// Glass like BK7, with `times` its dispersion.
 fn crown(times: f32) -> Dielectric {
     Dielectric { spread: times * 0.5168 / 64.17, ..solid(1.5168, Vec3::ZERO) }
 }
@@ -14,7 +14,7 @@ fn colors(wavelengths: u32, depth: u32) -> RayParams {
     RayParams { wavelengths, ..auto(depth) }
 }
 
-/// A prism of 60 degrees along y whose edge looks to +x, with sides of length 2.
+/// A prism of 60 degrees along y whose edge is on the side of +x, with sides of length 2.
 fn prism(world: &mut World, material: u32) {
     let half = 60_f32.to_radians().cos();
     let [edge, front, back] = [Vec3::X * 3_f32.sqrt() * half * 2.0, Vec3::Z, Vec3::NEG_Z];
@@ -52,7 +52,7 @@ fn leaves(world: &World, eye: Vec3, direction: Vec3, params: RayParams) -> Vec<R
     found.collect()
 }
 
-/// In `f64`: the angle by which a prism of 60 degrees turns light that comes at this angle, in its main section.
+/// The deviation by a prism of 60 degrees, in `f64` and degrees, for an angle of incidence in its principal section.
 fn turned(degrees: f64, index: f64) -> f64 {
     let first = (degrees.to_radians().sin() / index).asin();
     let last = (index * (60_f64.to_radians() - first).sin()).asin();
@@ -170,7 +170,7 @@ fn three_bands_are_no_spectrum() {
     prism(&mut world, glass);
     let white = world.paint(Vec3::ONE);
     let (eye, far) = (Vec3::new(-1.0, 0.1, 4.0), 30.0);
-    // The way out of light of the line d that meets the prism in the middle.
+    // The ray on which light of the line d that meets the prism in the middle leaves the prism.
     let direction = (Vec3::new(0.866, 0.1, 0.5) - eye).normalize();
     let Ray { origin, direction: middle, .. } = leaves(&world, eye, direction, colors(1, 5))[0];
     let across = middle.cross(Vec3::Y).normalize();

@@ -75,7 +75,7 @@ fn what_the_camera_sees_in_its_own_body_is_absorbed_by_it() {
             (&[(Vec3::ZERO, 4.0)], Vec3::ZERO),
         ] {
             let world = place(bodies, are_spheres);
-            // Targets are left out where the way to them may meet a small body in the middle.
+            // Targets are left out where the line to them may meet a small body in the middle.
             let way = |target: &Vec3| bodies.len() < 2 || bodies[1].1 > 1.0 || target.x < -0.9;
             let targets: Vec<Vec3> = targets().filter(way).collect();
             let shot = Shot::of(&world, EYE, targets.iter().copied());

@@ -1,4 +1,4 @@
-//! Ways that are cut off: the colour that replaces them, and Russian roulette, which keeps the mean.
+//! Branches that are cut off: the colour that replaces them, and Russian roulette, which keeps the mean.
 
 use super::spheres::{impact, look, run};
 use super::*;
@@ -60,7 +60,7 @@ fn what_is_cut_off_is_missing_or_has_the_colour_that_stands_for_it() {
     assert_close(at(CutoffColor::Background).0, Vec3::from_slice(&whole), 3e-6, "the background stands for the rest");
 }
 
-/// Coloured walls around a body of glass, so that every way has another colour.
+/// Coloured walls around a body of glass, so that every branch has another colour.
 fn colored() -> World {
     let mut world = World { beyond: Vec3::new(0.3, 0.7, 1.0), ..World::lit_along(Vec3::new(0.3, -0.4, -1.0)) };
     let glass = world.dielectric(solid(1.8, Vec3::new(0.1, 0.3, 0.6)));

@@ -104,7 +104,7 @@ fn a_plate_between_white_sides_is_the_sum_of_all_its_reflections() {
             // Positions on triangles 800 wide are rounded to 6e-5, and so are the lengths of the paths between them.
             assert_close(pixel, Vec3::from(expected.map(|value| value as f32)), 5e-5, format!("{index} {degrees}"));
             assert_eq!(rays.lost, 0);
-            // Control: absorption on the first way alone gives another value.
+            // Control: absorption on the first segment alone gives another value.
             let first_way = r + (1.0 - r) * (1.0 - r) * kept[1] / (1.0 - r);
             assert!((first_way - expected[1]).abs() > 1e-3, "{index} {degrees}");
         }

@@ -56,8 +56,8 @@ struct Flat {
     share: f64,
 }
 
-/// The rays that leave the sphere where one ray meets it at the distance `b` from the axis: the mirrored one, and one after each way inside. By
-/// vectors that are mirrored and refracted one after the other.
+/// The rays that leave the sphere where one ray meets it at the distance `b` from the axis: the mirrored one, and one after each pass inside.
+/// Computed by mirroring and refracting vectors.
 fn leaving(b: f64, index: f64, ways: u32) -> Vec<Flat> {
     let normal = DVec2::new(b, (1.0 - b * b).sqrt());
     let (r, inner) = interface(b.asin().to_degrees(), index);

@@ -11,7 +11,7 @@ fn paths(paths: u32, depth: u32) -> RayParams {
     RayParams { paths, ..auto(depth) }
 }
 
-/// One face of a body without end: light of 1 above it, and below a floor of the brightness `below`.
+/// One face of an infinite body: light of 1 above it, and below it a floor of the brightness `below`.
 fn face(alpha: f32, below: f32) -> World {
     let mut world = World { beyond: Vec3::ONE, ..World::lit_along(Vec3::Y) };
     let glass = world.dielectric(rough(alpha, 1.5));
@@ -76,7 +76,7 @@ fn a_frosted_wall_scatters_what_it_reflects_and_what_it_lets_through() {
     let (pixel, rays) = look(&place(0.01), Vec3::new(0.3, 0.4, 5.0), down(20.0), paths(4096, 5));
     assert_close(pixel, smooth, 3e-4, "both sides are of one colour each");
     assert!(rays.reflected > 4086 && rays.refracted > 4086 && rays.reflected <= 4096, "{rays:?}");
-    // Before a small thing the wall blurs: a tenth of the light comes from elsewhere.
+    // In front of a small bright square the wall blurs: much of the light comes from the darker wall around the square.
     let blurred = |alpha: f32| {
         let mut world = place(alpha);
         let dot = world.paint(Vec3::ONE);

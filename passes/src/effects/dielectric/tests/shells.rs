@@ -71,8 +71,8 @@ impl Shell {
         outer + (1.0 - outer).powi(2) * round / (1.0 - outer * round)
     }
 
-    /// By how much light is turned towards the axis, in radians, if it passes without any reflection but a total one. Refraction turns it
-    /// towards the axis where it enters and where it leaves; a mirror or the cavity turns it away from the axis.
+    /// Deflection of light towards the axis, in radians, if it passes without any reflection but a total one. Refraction deflects it towards the
+    /// axis where it enters and where it leaves; a mirror or the cavity deflects it away from the axis.
     fn turned(&self, b: f64) -> f64 {
         let [i, t, at_cavity, inner] = self.sines(b).map(|sine| sine.min(1.0).asin());
         match self.way(b) {
@@ -202,12 +202,12 @@ fn light_leaves_a_hollow_ball_by_bouguers_angles() {
             assert!(off < 2e-4, "{cavity} {b} {:?}: {off}", shell.way(b));
         }
     }
-    // A wall of hardly any thickness turns nothing; control: a full ball does.
+    // A very thin wall deflects nothing; control: a full ball does.
     let bubble = Shell { cavity: 0.999_99, ..HOLLOW };
     assert!(bubble.turned(0.5).abs() < 1e-4 && Shell { cavity: 1e-9, ..HOLLOW }.turned(0.5) > 0.3);
 }
 
-/// (1 - F)² (1 - F')² exp(-sigma (way in the wall)), with the angles of a line that is not bent.
+/// (1 - F)² (1 - F')² exp(-sigma (length in the wall)), with the angles of a line that is not bent.
 #[test]
 fn the_straight_shadow_of_a_hollow_ball_has_the_closed_form() {
     let mut world = World::lit_along(Vec3::NEG_Z);

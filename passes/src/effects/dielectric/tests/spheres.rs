@@ -19,7 +19,7 @@ pub(super) fn look(world: &World, eye: Vec3, direction: Vec3, params: RayParams)
     (pixels[0], rays)
 }
 
-/// The reflectance where a ray meets a sphere at the impact parameter `b` (in radii), and the length of the way inside, in `f64`.
+/// The reflectance where a ray meets a sphere at the impact parameter `b` (in radii), and the length of the path inside, in `f64`.
 pub(super) fn impact(b: f64, index: f64) -> (f64, f64) {
     let (r, inner) = interface(b.asin().to_degrees(), index);
     (r, 2.0 * inner)
@@ -64,7 +64,7 @@ fn a_sphere_in_a_white_environment_has_the_closed_form_to_rounding() {
             }
         }
     }
-    // Controls: an index two percent off, light that leaves after the first way, and absorption on the first way alone.
+    // Controls: an index two percent off, light that leaves after the first segment inside, and absorption on the first segment alone.
     let (r, length) = impact(0.9, 1.5);
     let (a, whole) = ((-0.5 * length).exp(), white(0.9, 1.5, 0.5));
     assert!((white(0.9, 1.53, 0.5) - whole).abs() > 1e-3);
@@ -73,7 +73,8 @@ fn a_sphere_in_a_white_environment_has_the_closed_form_to_rounding() {
 
 #[test]
 fn each_inner_reflection_adds_what_the_series_says() {
-    // Down to `depth` surfaces, paths are split. Light that is left then leaves with the weight of both ways, after the absorption of its last way.
+    // Down to `depth` surfaces, paths are split. Light that is left then leaves with the weight of both branches, after the absorption of its last
+    // segment.
     let mut world = World { beyond: Vec3::ONE, ..World::lit_along(Vec3::NEG_Z) };
     let glass = world.dielectric(solid(1.5, Vec3::new(0.0, 0.5, 3.0)));
     world.sphere(glass, Vec3::ZERO, 1.0);
@@ -101,7 +102,7 @@ fn an_eye_in_a_sphere_sees_out_of_it() {
         let glass = world.dielectric(solid(index as f32, sigma));
         world.sphere(glass, Vec3::new(4.0, 5.0, 6.0), 2.0);
         for share in [0.0, 0.3, 0.6 / index, 0.95 / index] {
-            // A ray that passes the centre at `share` of the radius leaves at the angle whose sine is that, times the index.
+            // A ray that passes the centre at `share` of the radius leaves at the angle whose sine is `share` times the index.
             let eye = Vec3::new(4.0 + 2.0 * share as f32, 5.0, 6.0);
             let share = f64::from(eye.x - 4.0) / 2.0;
             let (r, _) = interface((share * index).asin().to_degrees(), index);
@@ -223,8 +224,8 @@ fn overlapping_spheres_with_priorities_are_as_nested_ones() {
     assert!(apart > 0.01, "control: a cavity above all takes the place of the water: {apart}");
 }
 
-/// A sphere turns light that leaves it after k ways inside by 2 (i - t) + (k - 1) (180 - 2 t) degrees. The rainbow of water is where this angle
-/// is least for k = 2.
+/// A sphere deflects light that leaves it after k passes inside by 2 (i - t) + (k - 1) (180 - 2 t) degrees. The rainbow of water is where this
+/// angle is least for k = 2.
 #[test]
 fn light_leaves_a_sphere_by_the_angles_of_the_rainbow() {
     use crate::cpu;

@@ -96,7 +96,7 @@ impl Effects {
         Ok(stats)
     }
 
-    /// Writes the share of each pixel's hemisphere that is not occluded, filtered if the job asks for it.
+    /// Writes the share of each pixel's hemisphere that is not occluded, filtered if the job has filter levels.
     fn occlusion(
         &mut self,
         job: &EffectJob<'_>,
@@ -419,7 +419,7 @@ fn check_bytes(raster: &CpuRasteriser, job: &EffectJob<'_>, bytes: u64) -> Resul
     })
 }
 
-/// The box that stands for a probe's surroundings. The device's effects call this, too, so that boxes are the same on
+/// The box that approximates a probe's surroundings. The device's effects call this, too, so that boxes are the same on
 /// every backend.
 pub(in crate::raster) fn find_proxy(
     raster: &mut CpuRasteriser,

@@ -64,7 +64,7 @@ impl Effects {
             thickness: job.params.thickness,
         };
         let rays_stand_in = job.params.missing == Missing::Rays;
-        // Counts of glass pixels, of glass pixels whose rays all hit something in the picture or nothing at all, and of glass pixels that
+        // Counts of glass pixels, of glass pixels whose rays all hit a surface of the picture or leave the scene, and of glass pixels that
         // keep some of their own colour.
         let counts = [const { AtomicU64::new(0) }; 3];
         let mut part = each_span(output, progress, |x, y, pixels| {

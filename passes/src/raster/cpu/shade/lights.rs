@@ -20,7 +20,7 @@ pub(in crate::raster::cpu) fn sum_of_lights(lights: &[Light], point: Vec3, cosin
 }
 
 impl Rows {
-    /// Computes the arriving light of a row, whose positions and normals are known, and its light cosines.
+    /// Computes the arriving light and the light cosines of a row from the positions and normals of its pixels.
     pub(super) fn light_by_many(&mut self, frame: &Frame<'_>, wanted: Wanted) {
         if !wanted.light {
             self.arriving = [[0.0; ROW]; 4];

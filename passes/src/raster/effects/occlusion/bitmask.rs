@@ -113,11 +113,12 @@ impl Sectors {
             let dz = seen[2] - pixels.position[2].0[lane];
             let x = towards * (dx * across[0][lane] + dy * across[1][lane] + dz * across[2][lane]);
             let y = dx * up[0][lane] + dy * up[1][lane] + dz * up[2][lane];
-            // Direction from the eye, which is at (0, eye) in the plane.
+            // Direction of the line from the eye, which is at (0, eye) in the plane, to the sample.
             let away = y - eye[lane];
             let scale = 1.0 / (x * x + away * away).sqrt();
             let (step_x, step_y) = (x * scale, away * scale);
-            // Distances at which that line enters and leaves the disk of the radius.
+            // Distances from the sample, along that direction, at which the line enters and leaves the disk of the radius around the pixel's
+            // position.
             let middle = x * step_x + y * step_y;
             let inside = middle * middle + (occlusion.radius * occlusion.radius - (x * x + y * y));
             let chord = if inside > 0.0 { inside } else { 0.0 };
@@ -136,7 +137,8 @@ impl Sectors {
         }
     }
 
-    /// The number of sectors, 0..=32, whose tested angle lies before the direction `(x, y)` of a side; to be truncated.
+    /// The number of sectors, 0..=32, whose tested angle lies before the direction `(x, y)` of a side. Sectors are counted from the tangent
+    /// plane on side 1 to that on side 0. The caller truncates the number.
     #[inline(always)]
     fn part(&self, plane: &Plane, side: usize, lane: usize, x: f32, y: f32) -> f32 {
         let (cos, sin) = (plane.normal[0][lane], SIDES[side] * plane.normal[1][lane]);

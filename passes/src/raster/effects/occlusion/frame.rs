@@ -22,7 +22,7 @@ pub struct Occlusion<'a> {
     pub(super) eye: Vec3,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The farthest that a step goes, in pixels: beyond the picture.
+    /// Greatest distance of a step from its pixel, in pixels: [`most_pixels`].
     pub(super) most: f32,
     pub(super) seed: u32,
     pub(super) radius: f32,
@@ -33,7 +33,7 @@ pub struct Occlusion<'a> {
     pub(super) turns: Vec<[f32; 2]>,
 }
 
-/// The farthest that a step goes, in pixels: beyond a picture of this size.
+/// Greatest distance of a step from its pixel, in pixels. It is greater than every distance within a picture of this size.
 #[must_use]
 pub fn most_pixels(width: u32, height: u32) -> f32 {
     width as f32 + height as f32

@@ -106,7 +106,7 @@ impl Plane {
                 plane.along[1][axis][lane] = v[axis][lane] + aside * up;
             }
         }
-        // A loop over sides within that over lanes is not compiled to vectors.
+        // The loop over sides is the outer one: a loop over lanes that contains it is not compiled to vector code.
         for (span, towards) in plane.span.iter_mut().zip(SIDES) {
             for lane in 0..WIDE {
                 let ends = pixels.pixels_to(occlusion, slice, occlusion.radius, towards, lane);
@@ -138,7 +138,8 @@ impl Plane {
         any
     }
 
-    /// The horizon on one side, as a direction along `T` (turned to that side) and `V`. `None` where in no lane
+    /// The horizon on one side, as a direction `[x, y]`: `x` along `T`, or along `-T` on side 1,
+    /// and `y` along `V`. `None` where in no lane
     /// anything rises above the tangent plane.
     #[inline(always)]
     fn horizon<S: Simd>(

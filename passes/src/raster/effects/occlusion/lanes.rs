@@ -85,7 +85,7 @@ pub fn power(x: f32, exponent: f32) -> f32 {
     let ss = s * s;
     let sum = ((ss * (1.0 / 9.0) + 1.0 / 7.0) * ss + 1.0 / 5.0) * ss + 1.0 / 3.0;
     let log = (sum * ss * s + s) * (2.0 / LN_2) + whole as f32;
-    // A smaller power counts as 0 at any precision of interest.
+    // Clamped, so that the bits of `scale` are those of a valid float. 2^-120 is 0 at any precision of interest.
     let log = exponent * log;
     let log = if log > -120.0 { log } else { -120.0 };
     // Adding and subtracting this rounds to an integer, which the sum holds in its low bits.

@@ -53,7 +53,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// The method that a job asks for.
+    /// The method that a job's program and parameters select.
     #[must_use]
     pub fn of(job: &EffectJob<'_>) -> Self {
         match job.program {

@@ -16,7 +16,7 @@ pub(super) struct Pixels {
     /// 1 where there is a surface, else 0.
     pub(super) shown: Lanes,
     pub(super) position: [F16; 3],
-    /// The unit normal, turned to the eye.
+    /// The unit normal, negated if it points away from the eye.
     pub(super) normal: [Lanes; 3],
     /// Unit vectors: `V` to the eye, and two across the view.
     pub(super) basis: [[Lanes; 3]; 3],

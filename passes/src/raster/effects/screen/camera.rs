@@ -134,7 +134,7 @@ pub struct Piece {
     pub place: Vec3,
     /// Change of the nearness per column and per row.
     pub slope: [f32; 2],
-    /// Unit normal, turned to the camera.
+    /// Unit normal, negated if it points away from the camera.
     pub normal: Vec3,
 }
 
@@ -154,8 +154,8 @@ impl Piece {
         let normal = if cosine > 0.0 { -normal } else { normal };
         let slant = cosine.abs().max(LEAST_COSINE * away.length());
         let [across, down] = [camera.right, camera.down].map(|step| -normal.dot(step.truncate()) / slant);
-        // In perspective, the nearness within a pixel changes by no more than itself: beyond the horizon the plane is
-        // not visible.
+        // In perspective, the nearness changes within a pixel by no more than the nearness of the position: beyond the plane's
+        // horizon, where the nearness is 0, the plane is not visible.
         let sum = across.abs() + down.abs();
         let scale = if camera.perspective() && sum > place.z { place.z / sum } else { 1.0 };
         Some(Self { place, slope: [across * scale, down * scale], normal })

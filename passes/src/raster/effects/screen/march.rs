@@ -15,7 +15,7 @@ pub const STEP: f32 = 1.0 / 256.0;
 /// Least extent of a line across the screen, in pixels; a shorter line stays in its column or row.
 pub const LEAST_SPAN: f32 = 1e-4;
 
-/// The answer to a ray.
+/// The result of a march: whether the picture shows what the ray hits, and where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
     /// The ray hits the surface that the pixel with this index shows.
@@ -97,8 +97,8 @@ enum Crossing {
 }
 
 impl Screen<'_> {
-    /// The answer to a ray from a position of the picture. With `from_inside`, the ray's own pixel shows a surface
-    /// behind the position. Without, it shows the surface that the ray leaves, and that pixel is not tested.
+    /// Marches a ray from a position of the picture. With `from_inside`, the position's own pixel shows a
+    /// surface behind the position. Otherwise this pixel shows the surface that the ray leaves, and is not tested.
     #[must_use]
     pub fn ask(&self, position: Vec3, direction: Vec3, from_inside: bool) -> Answer {
         let Some(line) = Line::new(self.camera, position, direction, self.size) else { return Answer::Missing };
@@ -143,7 +143,7 @@ impl Screen<'_> {
         if far && t >= 1.0 { Answer::Nothing } else { Answer::Missing }
     }
 
-    /// More than any ray needs: every pixel of the longest line, and all levels down and up.
+    /// Limit of the steps of a march. It is more than any ray needs: every pixel of the longest line, and all levels down and up.
     fn most_steps(&self) -> u32 {
         4 * (self.size[0] + self.size[1]) + 256
     }

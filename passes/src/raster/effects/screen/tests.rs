@@ -105,7 +105,7 @@ fn a_place_is_that_of_the_matrix_and_a_piece_is_the_plane() {
     assert!(compared > 1000);
 }
 
-/// Skipping blocks changes no answer, up to rounding: a pyramid in which every block has the greatest nearness skips none.
+/// Skipping blocks does not change a ray's result, up to rounding: a pyramid in which every block has the greatest nearness skips none.
 #[test]
 fn the_pyramid_changes_no_answer() {
     let (camera, position, normal) = hills();
@@ -140,7 +140,7 @@ fn the_pyramid_changes_no_answer() {
     assert!(met > 500 && missing > 500 && differ <= (met + missing) / 500, "{met} {missing} {differ}");
 }
 
-/// Near its vanishing point a ray covers a long way within a small part of a pixel, so it must be followed without gaps from pixel to pixel. With
+/// Near its vanishing point a ray covers a long distance within a small part of a pixel, so the march must leave no gap between pixels. With
 /// gaps of 1/256 of a pixel, one in some hundred rays was lost, which made single holes in a mirrored sky.
 #[test]
 fn rays_to_a_far_wall_meet_it_wherever_they_cross_it_in_a_pixel() {

@@ -1,4 +1,4 @@
-//! Finds out whether a picture needs maps at all, on the device that holds the G-buffer.
+//! Tests whether a picture needs maps at all, on the device that holds the G-buffer.
 
 use super::inputs::Inputs;
 use super::question::{Question, Words};
@@ -28,7 +28,7 @@ impl Ask {
         Ok(Self { question, glass })
     }
 
-    /// Nearest and farthest depth of the pixels that need maps, both 0 in the question for glass; `None` if no pixel needs
+    /// Nearest and farthest depth of the pixels that need maps, both 0 for effects on glass; `None` if no pixel needs
     /// maps. Waits for the device. `glass` is the table of glass triangles.
     pub fn any(
         &mut self,

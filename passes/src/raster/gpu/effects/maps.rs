@@ -91,7 +91,7 @@ pub struct Maps {
     /// Width and height of each map in texels.
     size: [u32; 2],
     /// Whether depth is interpolated by the device instead of computed on the triangles' planes. Pictures of mirrors have the depth of
-    /// planes, as the picture that shows the mirrors.
+    /// planes, as the picture that shows the mirrors does.
     snapped_depth: bool,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! The host code in [`crate::raster::effects`] defines what a program computes: cameras, probes and biases come from
 //! there. Where shaders must repeat host code, tests compare the results. Differences come from rounding;
-//! `raster_effects_agree` states how many pixels they change.
+//! `tests/raster/effects_gpu.rs` limits how many pixels they change.
 //!
 //! The G-buffer of the last draw is read in place. Textures, pipelines, bind groups and buffers are kept for the next
 //! frame.
@@ -97,7 +97,8 @@ pub(super) struct Effects {
     filter: Option<ShareFilter>,
     plane_of: Vec<u32>,
     probes: Probes,
-    /// The rasteriser that draws the surroundings from which proxies are computed; set when the first proxy is.
+    /// The rasteriser that draws the surroundings from which proxies are computed; set when the first proxy is
+    /// computed.
     surroundings: Option<Box<CpuRasteriser>>,
     shots: Vec<Shot>,
     /// The ranges of glass triangles that [`Self::glass`] holds.
@@ -141,7 +142,7 @@ fn texels(job: &EffectJob<'_>) -> u64 {
         EffectProgram::ShadowMap if params.sun > 0.0 => 1 + (SEARCH_TAPS + 4 * FILTER_TAPS) as u64,
         EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
-        // A ray mostly crosses hundreds of pixels, but skips blocks of them.
+        // An estimate: a ray usually crosses hundreds of pixels, but skips whole blocks of them.
         EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => 256,
         EffectProgram::PlanarReflection => 4,
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
@@ -288,7 +289,7 @@ impl Effects {
         self.outputs.last().map(|output| &output.texture)
     }
 
-    /// Filters an ambient occlusion, in as many levels as the job asks for.
+    /// Filters an ambient occlusion, in the job's number of filter levels.
     fn average(
         &mut self,
         context: &Context<'_>,

@@ -73,7 +73,7 @@ impl Effects {
     }
 
     /// Builds the pyramid for marching rays (with refraction, that of the picture without glass), and draws the cube
-    /// maps for rays that the screen does not answer.
+    /// maps for rays whose hits the picture does not show.
     #[expect(clippy::too_many_arguments, reason = "as the other preparations, and where the G-buffer is")]
     pub(super) fn screen(
         &mut self,
@@ -240,7 +240,7 @@ impl Effects {
     }
 }
 
-/// The layer of each picture: the first layer in which it overlaps no other picture.
+/// The layer of each picture: the first layer in which it overlaps no earlier picture.
 fn share_layers(pictures: impl Iterator<Item = Rect>) -> Vec<u32> {
     let apart = |a: &Rect, b: &Rect| {
         a.x + a.width <= b.x || b.x + b.width <= a.x || a.y + a.height <= b.y || b.y + b.height <= a.y

@@ -16,7 +16,7 @@ pub struct Words {
     pub asking: &'static str,
 }
 
-/// A compiled question. Group 1 of its shader holds its uniforms, the tables that it reads, and the answer.
+/// A compiled question. Group 1 of the shader holds the shader's uniforms, the tables that the shader reads, and the answer.
 #[derive(Debug)]
 pub struct Question {
     words: Words,

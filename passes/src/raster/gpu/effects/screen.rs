@@ -24,7 +24,8 @@ use std::time::Instant;
 
 /// Bytes between the uniforms of consecutive levels: the greatest alignment that devices require.
 const STRIDE: u64 = 256;
-/// Number of counts: glass pixels, those whose rays the screen answers, and those that keep some of their own colour.
+/// Number of counts: glass pixels, glass pixels whose rays all hit a surface of the picture or leave the scene, and glass pixels that keep
+/// some of their own colour.
 const COUNTS: usize = 3;
 
 /// Resources kept from picture to picture.
@@ -155,8 +156,8 @@ impl Marching {
         Ok(Part { host: start.elapsed(), device })
     }
 
-    /// Numbers of glass pixels, of those that the screen answered, and of those that kept some of their colour, since
-    /// the pyramid was built.
+    /// The counts since the pyramid was built: glass pixels, glass pixels whose rays all hit a surface of the picture or leave the scene, and
+    /// glass pixels that keep some of their own colour.
     pub fn counted(&self, gpu: &Gpu) -> Result<[u64; COUNTS], BackendError> {
         let [written, readable] = &self.counts;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("counts") };

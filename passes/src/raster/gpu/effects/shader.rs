@@ -24,8 +24,8 @@ pub const GROUP: u32 = 8;
 /// threads a workgroup. Occlusions and their filter read texels that neighbouring pixels also read.
 pub const LARGE_GROUP: u32 = 16;
 
-/// Shared by all programs. It comes last in the text, so that compiler messages count the lines of the program's own
-/// file.
+/// Shared by all programs. It follows the program's own source, so that line numbers in compiler messages are those of the
+/// program's own file.
 const COMMON: &str = include_str!("common.wgsl");
 
 /// The entry point of programs that compute each pixel independently of the others.
@@ -58,10 +58,11 @@ const LEAST_WEIGHT: f32 = 1e-6;
 /// Least component of a normal towards the eye, so that a cotangent is finite.
 const LEAST_NORMAL: f32 = 1e-6;
 
-/// The depth of pixels that show nothing, beyond any radius. Squares of it times the side of a picture are within the range of `f32`.
+/// The depth of pixels that show nothing, beyond any radius. The product of this depth and the side of a picture has a square within the
+/// range of `f32`.
 const FAR: f32 = 1e14;
 
-/// Added to a number below 2²², it rounds that to an integer, which the sum holds in its low bits.
+/// Adding this to a number below 2²² rounds the number to an integer, which the sum holds in its low bits.
 const ROUND: f32 = 12_582_912.0;
 
 /// The choices with which a program is compiled.
@@ -94,7 +95,7 @@ impl Variant {
         Self { filter: true, share: !last, ..Self::plain(EffectProgram::HorizonOcclusion) }
     }
 
-    /// The variant that a job asks for.
+    /// The variant for a job's program, parameters and camera.
     pub fn of(job: &EffectJob<'_>) -> Self {
         let is = |program| job.program == program;
         let occludes = is(EffectProgram::HorizonOcclusion) || is(EffectProgram::DepthOcclusion);
@@ -135,7 +136,7 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
 /// A program's WGSL, with the constants that it shares with the host.
 ///
 /// # Panics
-/// If the directives in its text are malformed; a test generates every program.
+/// If the directives in the program's source are malformed; a test generates every program.
 pub fn source(variant: Variant) -> String {
     let Variant { program, soft, border, bitmask, perspective, filter, share } = variant;
     let (file, text) = if filter { ("filter.wgsl", include_str!("filter.wgsl")) } else { text(program) };
@@ -199,7 +200,7 @@ pub fn survey_source() -> String {
     source
 }
 
-/// The shader that finds out whether any pixel needs maps: a pixel of glass, or one that faces the light.
+/// The shader that tests whether any pixel needs maps: a pixel of glass, or one that faces the light.
 ///
 /// # Panics
 /// As [`source`].

@@ -1,4 +1,4 @@
-//! Quads of the device against those of the host. Without an adapter, tests that need one print `skipped: why` and
+//! Quads that the device fills, compared with those that the host fills. Without an adapter, tests that need one print `skipped: why` and
 //! pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 use super::*;

@@ -1,6 +1,7 @@
 //! Own shaders of projects: their pipelines, bind groups and draw calls.
 //!
-//! Vertex attributes that a shader does not read are not bound. Attachments that it does not write stay as they were cleared.
+//! Vertex attributes that a shader does not read are not bound. Attachments that a shader does not write keep their
+//! previous contents.
 
 mod compute;
 mod pipelines;

@@ -36,8 +36,8 @@ pub(super) struct Into {
     clamped: bool,
     /// By sampler: whether it reads a texture unfiltered.
     exact: Vec<bool>,
-    /// Whether several programs of the pass bind storage buffers. A pass can use a buffer in one way only, so buffers that are only read are
-    /// then bound as read-write, too.
+    /// Whether several programs of the pass bind storage buffers. A pass cannot bind a buffer both as read-only and as read-write, so buffers
+    /// that are only read are then bound as read-write, too.
     shares_storage: bool,
 }
 
@@ -101,7 +101,8 @@ impl Pipelines {
     }
 }
 
-/// The layouts of a program's groups, and the layout of its pipeline. `exact` says by sampler whether it reads a texture unfiltered.
+/// The layouts of a program's groups, and the layout of its pipeline. `exact` holds, by sampler, whether it reads a texture
+/// unfiltered.
 /// With `shares_storage`, no buffer is bound as read-only.
 pub(super) fn groups(
     gpu: &Gpu,
@@ -177,7 +178,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
     let device = &gpu.device;
     let (groups, layout) = groups(gpu, program, &key.into.exact, key.into.shares_storage);
     let module = |label, text: &str| {
-        // `var<storage>` means read-only. The text must agree with the layout, which is read-write for shared storage.
+        // `var<storage>` means read-only. The source must agree with the layout, which is read-write for shared storage.
         let text = match key.into.shares_storage {
             true => text.replace("var<storage>", "var<storage, read_write>").into(),
             false => text.into(),
@@ -196,7 +197,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
             let format = match attribute {
                 Attribute::Position | Attribute::Normal => wgpu::VertexFormat::Float32x3,
                 Attribute::TexCoord => wgpu::VertexFormat::Float32x2,
-                // Shaders read only the direction, not the side in the fourth component.
+                // Shaders read only the direction, not the handedness in the fourth component.
                 Attribute::Tangent => wgpu::VertexFormat::Float32x4,
             };
             [wgpu::VertexAttribute { format, offset: 0, shader_location: attribute.location() }]

@@ -16,7 +16,7 @@ const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], 
 /// The outputs of a quad: its pixels, and the contents of each storage buffer of the program.
 pub(super) type Filled<'a> = (&'a mut [[f32; 4]], &'a mut [Vec<[f32; 4]>]);
 
-/// The corners in device memory.
+/// The corners of a quad in device memory.
 #[derive(Debug)]
 pub(super) struct Quad {
     positions: wgpu::Buffer,

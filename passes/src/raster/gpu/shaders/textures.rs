@@ -16,7 +16,7 @@ pub(super) struct Sampled {
     pub sampler: wgpu::Sampler,
 }
 
-/// The textures of a scene that own shaders have read so far, by their index there.
+/// The textures of a scene that own shaders have read so far, by their index in the scene.
 #[derive(Debug)]
 pub(super) struct Textures {
     sampled: Vec<Option<Sampled>>,
@@ -127,7 +127,7 @@ impl Textures {
     }
 }
 
-/// Sampling of cube maps. At the edges of their images it continues across the edge, whatever wrapping is asked for.
+/// Sampling of cube maps. At the edge of an image, filtering continues in the adjacent image, whatever the wrap mode.
 const CUBE_SAMPLING: Sampling = Sampling { wrap: [Wrap::Clamp; 2], magnification: Magnification::Linear };
 
 fn bytes_of(levels: &[Level]) -> u64 {

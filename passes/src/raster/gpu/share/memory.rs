@@ -70,7 +70,7 @@ pub fn hand_over(
     let sharing = sharing.ok_or_else(|| failure("no memory is shared"))?;
     let start = Instant::now();
     sharing.packer.encode(gpu, timer, targets, job.shared, encoder)?;
-    // The value between two hand-overs is that of the ray pass's picture.
+    // The semaphore's value between those of two hand-overs belongs to the ray pass's picture.
     sharing.value = after_picture(sharing.value) + 1;
     if !sharing.semaphore.signal_after_next(&gpu.queue, sharing.value) {
         return Err(failure("the device's queue is not Vulkan's"));

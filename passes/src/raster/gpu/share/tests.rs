@@ -19,7 +19,7 @@ fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u8> {
     bytes
 }
 
-/// Draws, and returns the G-buffer.
+/// Draws a picture of squares, reads it back, and returns the G-buffer.
 fn drawn(rasteriser: &mut WgpuRasteriser) -> GBuffer {
     drawn_as(rasteriser, Attachments::default())
 }
@@ -111,7 +111,7 @@ fn a_device_that_shares_memory_hands_over_what_it_drew() {
     let (scene, shades) = (squares(12), shades());
     rasteriser.upload(&scene).expect("uploaded");
     let mut target = GBuffer::new(SIZE, SIZE, ALL);
-    // The odd values in between are those of ray passes' pictures.
+    // The odd semaphore values belong to the pictures of ray passes.
     for value in [2, 4] {
         let job = RasterJob { shared: ALL, ..job(&scene, &shades) };
         let stats = rasteriser.draw(&job, &mut target).expect("drawn");

@@ -95,7 +95,7 @@ pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedF
         // SAFETY: a memory type of this device that the buffer takes.
         let memory = unsafe { raw.allocate_memory(&info, None) }.map_err(|error| failed("allocating memory", error))?;
         let get = vk::MemoryGetFdInfoKHR::default().memory(memory).handle_type(MEMORY);
-        // SAFETY: memory and buffer are new, of one device and of the sizes that it asked for. wgpu enables the extension of
+        // SAFETY: memory and buffer are new and of one device, and the memory has the size that the buffer requires. wgpu enables the extension of
         // memory handles wherever it is supported, and `open` checked that it is.
         let handle = unsafe {
             raw.bind_buffer_memory(buffer, memory, 0)
@@ -145,7 +145,7 @@ impl Semaphore {
         let mut export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind).push_next(&mut export);
         let failed = |error: vk::Result| format!("making a shared semaphore: {error}");
-        // SAFETY: a valid description; a device without timeline semaphores answers with an error.
+        // SAFETY: a valid description; a device without timeline semaphores returns an error.
         let made = unsafe { raw.create_semaphore(&info, None) };
         let semaphore = Self { device: device.clone(), raw: made.map_err(failed)? };
         let functions = khr::external_semaphore_fd::Device::new(hal.shared_instance().raw_instance(), raw);

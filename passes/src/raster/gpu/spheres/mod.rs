@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::num::NonZeroU64;
 
-/// The text that all programs are cut from.
+/// The WGSL source that all programs are cut from.
 const TEXT: &str = concat!(
     include_str!("spheres.wgsl"),
     "\n",
@@ -85,7 +85,7 @@ pub(super) struct Spheres {
 
 impl Spheres {
     /// Lists the spheres of a job that may be seen in `part`, relative to the viewport. `frame` and `lights` are the uniforms of the pass;
-    /// `owned` says which materials own shaders draw.
+    /// `owned` holds, by material, whether an own shader draws it.
     ///
     /// # Errors
     /// If the device lacks storage buffers, a sphere's material has an own shader, or the device fails.

@@ -86,7 +86,7 @@ impl Screen {
     }
 
     /// The record of a sphere that covers `columns` and `rows`, without its colours. `None` where the camera or the sphere is so extreme
-    /// that no line of sight is known.
+    /// that the record would not be finite.
     pub fn record(&self, sphere: &Sphere, [columns, rows]: &[Range<usize>; 2]) -> Option<SphereRecord> {
         let center = sphere.center.as_dvec3() - self.eye;
         let radius = f64::from(sphere.radius);

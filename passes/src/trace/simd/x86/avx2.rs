@@ -6,8 +6,8 @@ use crate::trace::simd::vector::{F8, F16, Kernel, Mask, Simd, gather_each};
 use glam::DVec3;
 use std::arch::x86_64::*;
 
-/// The lanes of each mask of eight, lowest first, one byte each. `pdep` and `pext` would compute them, and take 165 cycles together on AMD's
-/// processors before Zen 3, which have them in microcode.
+/// The lanes of each mask of eight, lowest first, one byte each. `pdep` and `pext` could compute them, but take 165 cycles together on
+/// AMD's processors before Zen 3, which implement them in microcode.
 static COMPRESSED: [u64; 256] = {
     let mut compressed = [0; 256];
     let mut mask = 0;

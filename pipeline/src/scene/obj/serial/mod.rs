@@ -1,4 +1,5 @@
-//! The earlier, sequential reader, built on `tobj`. For files not far from their origin [`super::read`] must produce the same scene, bit for bit.
+//! A sequential reader, built on `tobj`: the reference in tests. For files whose contents are not far from their origin [`super::read`]
+//! must produce the same scene, bit for bit.
 
 mod sanitise;
 

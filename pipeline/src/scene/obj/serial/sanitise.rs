@@ -72,7 +72,7 @@ pub(super) struct Sanitiser<'b, 'c, 'f> {
     object: u32,
     material: u32,
     run_length: usize,
-    /// Length of a run in triangles after which the next polygon begins a new one; `tobj` reads each run as one model.
+    /// Number of triangles at which a run ends; the next polygon begins a new run. `tobj` reads each run as one model.
     max_run: usize,
     /// Whether colours are needed and some position has one; every position is then passed on with a colour.
     colored: bool,
