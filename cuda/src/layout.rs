@@ -9,7 +9,7 @@ use curitiba_pipeline::glass::{CAUCHY, CAUCHY_AT_D, Dielectric};
 use curitiba_pipeline::scene::normal_map;
 use std::fmt::Write as _;
 
-/// Declares structs in Rust, with the type of each field in CUDA C++.
+/// Declares structs in Rust, with the type of each field in CUDA C++. They may be copied to the device.
 macro_rules! shared_structs {
     ($( $(#[$about:meta])* struct $name:ident { $( $(#[$field_about:meta])* $field:ident: $type:ty = $spelling:literal, )* } )*) => {
         $(
@@ -17,6 +17,9 @@ macro_rules! shared_structs {
             #[derive(Debug, Clone, Copy, PartialEq, Default)]
             #[repr(C)]
             pub struct $name { $( $(#[$field_about])* pub $field: $type, )* }
+            // SAFETY: plain numbers in C layout; the device compiler checks its declaration of the struct against this layout.
+            #[allow(unsafe_code, reason = "says that the struct may be copied to the device and passed to a kernel")]
+            unsafe impl DeviceRepr for $name {}
         )*
 
         /// The declarations of the structs in CUDA C++, with static assertions on their sizes and offsets.
@@ -422,47 +425,6 @@ shared_structs! {
         lenses: Address = "const Lenses *",
     }
 }
-
-// SAFETY: plain numbers in C layout; the device compiler checks its declaration of the struct against this layout.
-#[allow(unsafe_code, reason = "says that the struct may be passed to a kernel")]
-unsafe impl DeviceRepr for Params {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Shade {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for TextureInfo {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Body {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Face {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Ways {}
-
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Light {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Sphere {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for SphereNode {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Spheres {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Turned {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Lens {}
-#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
-// SAFETY: as above.
-unsafe impl DeviceRepr for Lenses {}
 
 /// The light has a position.
 pub const LIGHT_PLACE: u32 = 1;

@@ -15,7 +15,7 @@ use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::{Dielectric, first_target};
+use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
@@ -41,8 +41,6 @@ pub struct DeviceRays<T> {
     owner: usize,
     /// Finds the spheres of the scene that focus light.
     lenses: FindsLenses,
-    /// Argument of the last [`RayBackend::build`].
-    filtered: Vec<bool>,
 }
 
 impl<T: DeviceTracer> DeviceRays<T> {
@@ -63,7 +61,7 @@ impl<T: DeviceTracer> DeviceRays<T> {
         let several = ordinals.len() > 1;
         let open = |ordinal: &usize| OneGpu::new(Device::on(T::NAME, *ordinal, several)?);
         let gpus = ordinals.iter().map(open).collect::<Result<_, _>>()?;
-        Ok(Self { gpus, owner: 0, lenses: FindsLenses::default(), filtered: Vec::new() })
+        Ok(Self { gpus, owner: 0, lenses: FindsLenses::default() })
     }
 
     /// Index of the first GPU with that UUID, on which the rasteriser draws; `None` if no GPU here has it.
@@ -186,7 +184,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
-        (self.lenses, self.filtered) = (FindsLenses::default(), filtered.to_vec());
+        self.lenses = FindsLenses::new(filtered);
         let prepared = T::prepare(scene, filtered);
         let shares = vec![(); self.gpus.len()];
         let built = self.on_each(shares, |gpu, ()| gpu.build(scene, filtered, &prepared))?;
@@ -222,7 +220,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if output.pixels.is_empty() {
             return Ok(RayStats::default());
         }
-        let lenses = self.lenses.of(T::NAME, job, &self.filtered)?;
+        let lenses = self.lenses.of(T::NAME, job)?;
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
         let pixels = pixels_of_launch(job);
         progress.start(shares.iter().map(|share| launches(share, job.width, pixels).len() as u64).sum());
@@ -243,7 +241,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
         check::buffers(T::NAME, job)?;
         check_job::<T>(job)?;
-        let lenses = self.lenses.of(T::NAME, job, &self.filtered)?;
+        let lenses = self.lenses.of(T::NAME, job)?;
         let [gpu] = self.gpus.as_mut_slice() else {
             return Err(check::missing(T::NAME, job, "the picture of several GPUs does not lie on one of them"));
         };
@@ -262,10 +260,7 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
         check::scene(T::NAME, job, true)?;
         check::filter(T::NAME, job)?;
         check::adaptive(T::NAME, job)?;
-        let photons = job.program.photons(&job.params);
-        if let Some(target) = first_target(job.scene, job.dielectrics).filter(|_| photons > 0) {
-            return Err(BackendError::no_photons(T::NAME, job.program.info().stem, photons, target));
-        }
+        check::photons_at_meshes(T::NAME, job)?;
     }
     Ok(())
 }

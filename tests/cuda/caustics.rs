@@ -1,15 +1,12 @@
 //! Light that exact spheres focus, compared with the processor's.
 
-use super::conformance::record_of;
-use super::{file, project, there};
-use curitiba::conformance::{Found, Record};
+use super::conformance::compared;
+use super::{file, loaded, there};
+use curitiba::conformance::Record;
 use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::plan::Settings;
-use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project;
 use curitiba::{BackendChoice, Choice};
-use std::sync::{Arc, Mutex};
 
 /// Under a point and under a disc; where nothing is near points, few rays and many; with each kind of texture lookup and of weights; with paths that
 /// are followed as ways; and where spheres touch and lie in each other. The last is a control without focused light.
@@ -26,21 +23,10 @@ const RUNS: [(&str, &[&str]); 9] = [
 ];
 
 fn focused(backend: BackendChoice) {
-    if there(Choice::CPU.traced_by(backend)).is_none() {
-        return;
-    }
-    let found = Arc::new(Mutex::new(Found::default()));
-    for (name, set) in RUNS {
-        let project = project::load(&project(name)).expect("the project loads");
-        let set = set.iter().map(|one| (*one).to_owned()).collect();
-        record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
-    }
-    let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
-    assert_eq!(records.len(), RUNS.len(), "a pass did not run");
+    let runs = RUNS.map(|(name, set)| (loaded(name), name, set));
+    let Some(records) = compared(backend, Vec::from(runs)) else { return };
     for record in &records {
         let (words, cpu) = (record.in_words(), record.cpu_rays.expect("the processor ran"));
-        println!("{words}");
-        assert!(record.within_limits, "farther off than it may be: {words}");
         if backend == BackendChoice::Cuda {
             let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];
             assert_eq!(glass(record.rays), glass(cpu), "{words}");

@@ -1,9 +1,9 @@
 //! The conformance matrix: every program, fidelity, view and ray backend.
 
 use super::lamps::add_lamps;
-use super::{PROJECTS, project, there};
+use super::{PROJECTS, loaded, project, there};
 use curitiba::compare::{Operand, compare};
-use curitiba::conformance::{Beside, Found};
+use curitiba::conformance::{Beside, Found, Record};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::RayCounts;
@@ -12,7 +12,7 @@ use curitiba::pipeline::executor::{Engines, Renderer, Silent};
 use curitiba::pipeline::metrics::Options;
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project::{self, Project};
+use curitiba::pipeline::project::Project;
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
@@ -29,8 +29,29 @@ fn record(
     color: Option<ColorSpace>,
     found: &Arc<Mutex<Found>>,
 ) {
-    let project = project::load(&project(name)).expect("the project loads");
-    record_of(project, backend, name, camera, (fidelity, set), color, found);
+    record_of(loaded(name), backend, name, camera, (fidelity, set), color, found);
+}
+
+/// Runs the ray pass of each project with its settings; `None` without the backend. Pictures are within the limits.
+pub(crate) fn compared(backend: BackendChoice, runs: Vec<(Project, &str, &[&str])>) -> Option<Vec<Record>> {
+    there(Choice::CPU.traced_by(backend))?;
+    let found = Arc::new(Mutex::new(Found::default()));
+    let count = runs.len();
+    for (project, name, set) in runs {
+        let set = set.iter().map(|one| (*one).to_owned()).collect();
+        // The camera of a project that was made from a scene file has another name.
+        let of_file = project.cameras.iter().any(|camera| camera.name == "MainCamera");
+        let camera = if of_file { "MainCamera" } else { "Camera" };
+        record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);
+    }
+    let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
+    assert_eq!(records.len(), count, "a pass did not run");
+    for record in &records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+    }
+    Some(records)
 }
 
 /// As [`record`], for a loaded project.
@@ -201,7 +222,7 @@ fn lights(backend: BackendChoice) {
             _ => &[&["pass2.samples=9"], &["pass2.samples=2", "pass2.shadow=report"]],
         };
         for set in sets {
-            let mut project = project::load(&project(name)).expect("the project loads");
+            let mut project = loaded(name);
             add_lamps(&mut project, camera);
             let set = set.iter().map(|one| (*one).to_owned()).collect();
             record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);
@@ -255,7 +276,7 @@ fn discs(backend: BackendChoice) {
             ],
         };
         for (set, among_lamps) in sets.iter().flat_map(|set| [(set, false), (set, true)]) {
-            let mut project = project::load(&project(name)).expect("the project loads");
+            let mut project = loaded(name);
             if among_lamps {
                 add_lamps(&mut project, camera);
             }

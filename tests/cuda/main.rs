@@ -15,6 +15,7 @@ mod several;
 mod spheres;
 mod ways;
 
+use curitiba::pipeline::project::Project;
 use nvidia::there;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,10 @@ const PROJECTS: [&str; 6] = ["SceneDummy", "SceneShadows", "SceneReflect", "Scen
 
 fn project(name: &str) -> PathBuf {
     file(&format!("xml_projects/{name}.xml"))
+}
+
+fn loaded(name: &str) -> Project {
+    curitiba::pipeline::project::load(&project(name)).expect("the project loads")
 }
 
 /// A file of the source folder.

@@ -1,20 +1,16 @@
 //! Exact spheres, of glass and of other materials, in every program.
 
-use super::conformance::record_of;
+use super::conformance::compared;
 use super::lamps::add_lamps;
-use super::{project, there};
-use curitiba::conformance::{Found, Record};
+use super::loaded;
+use curitiba::BackendChoice;
+use curitiba::conformance::Record;
 use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::glass::{GlassRule, GlassShadow};
-use curitiba::pipeline::programs::{Fidelity, RayProgram};
-use curitiba::pipeline::project::{self, MaterialPattern, PassKind, Project};
+use curitiba::pipeline::programs::RayProgram;
+use curitiba::pipeline::project::{MaterialPattern, PassKind, Project};
 use curitiba::pipeline::scene::LoadOptions;
-use curitiba::{BackendChoice, Choice};
-use std::sync::{Arc, Mutex};
-
-fn loaded(name: &str) -> Project {
-    project::load(&project(name)).expect("the project loads")
-}
+use std::sync::Arc;
 
 /// The spheres of `glass/Spheres` with another program. The spheres of two materials are panes or mirrors, and the others are not glass.
 fn opaque(program: RayProgram) -> Project {
@@ -60,25 +56,6 @@ fn programs(part: impl Fn(Project) -> Project) -> Vec<Run> {
         runs.extend(sets.iter().map(|set| (part(opaque(program)), program.info().stem, *set)));
     }
     runs
-}
-
-/// Runs the ray pass of each project with its settings; `None` without the backend. Pictures are within the limits.
-fn compared(backend: BackendChoice, runs: Vec<Run>) -> Option<Vec<Record>> {
-    there(Choice::CPU.traced_by(backend))?;
-    let found = Arc::new(Mutex::new(Found::default()));
-    let count = runs.len();
-    for (project, name, set) in runs {
-        let set = set.iter().map(|one| (*one).to_owned()).collect();
-        record_of(project, backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
-    }
-    let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
-    assert_eq!(records.len(), count, "a pass did not run");
-    for record in &records {
-        let words = record.in_words();
-        println!("{words}");
-        assert!(record.within_limits, "farther off than it may be: {words}");
-    }
-    Some(records)
 }
 
 /// Asserts that there are as many rays as on the processor, and that pictures of shadows and occlusion have its bits.

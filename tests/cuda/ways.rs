@@ -1,38 +1,18 @@
 //! Glass that is rough, disperses colours or has a reflectance of its own, and paths that are cut off, compared with the processor's.
 
-use super::conformance::record_of;
+use super::conformance::compared;
 use super::lamps::add_lamps;
-use super::{file, project, there};
-use curitiba::conformance::{Found, Record};
+use super::{file, loaded};
+use curitiba::BackendChoice;
+use curitiba::conformance::Record;
 use curitiba::pipeline::backend::RayCounts;
-use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project::{self, Project, SceneOptions, SceneProjects};
-use curitiba::{BackendChoice, Choice};
-use std::sync::{Arc, Mutex};
+use curitiba::pipeline::project::{Project, SceneOptions, SceneProjects};
 
-fn loaded(name: &str) -> Project {
-    project::load(&project(name)).expect("the project loads")
-}
-
-/// Runs the ray pass of each project with its settings; `None` without the backend. Pictures are within the limits. On our own tracer, the number
-/// of rays in glass equals the processor's.
+/// As [`compared`]; all pictures show glass. On our own tracer, the number of rays in glass equals the processor's.
 fn agrees(backend: BackendChoice, runs: Vec<(Project, &str, &[&str])>) -> Option<Vec<Record>> {
-    there(Choice::CPU.traced_by(backend))?;
-    let found = Arc::new(Mutex::new(Found::default()));
-    let count = runs.len();
-    for (project, name, set) in runs {
-        let set = set.iter().map(|one| (*one).to_owned()).collect();
-        // The camera of a project that was made from a scene file has another name.
-        let of_file = project.cameras.iter().any(|camera| camera.name == "MainCamera");
-        let camera = if of_file { "MainCamera" } else { "Camera" };
-        record_of(project, backend, name, camera, (Fidelity::Corrected, set), None, &found);
-    }
-    let records = std::mem::take(&mut found.lock().expect("no panic while it was held").records);
-    assert_eq!(records.len(), count, "a pass did not run");
+    let records = compared(backend, runs)?;
     for record in &records {
         let words = record.in_words();
-        println!("{words}");
-        assert!(record.within_limits, "farther off than it may be: {words}");
         assert!(record.rays.refracted > 1000, "no glass is seen: {words}");
         if record.backend == "cuda" {
             let glass = |rays: RayCounts| [rays.reflected, rays.refracted, rays.lost];

@@ -489,7 +489,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     input.extend([job.params.index.to_bits(), job.params.depth]);
     input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
     let transparent = vec![true; job.shades.len()];
-    let lenses = FindsLenses::default().of("host", job, &transparent).expect("few spheres");
+    let lenses = FindsLenses::new(&transparent).of("host", job).expect("few spheres");
     let lenses = LensTables::of(job, &lenses);
     let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
     input.push(if straight { ASKS_STRAIGHT } else { 0 } | if lenses.is_some() { ASKS_FOCUSED } else { 0 });

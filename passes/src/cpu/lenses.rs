@@ -14,6 +14,7 @@ use curitiba_pipeline::scene::Geometry;
 /// is found by tracing in the processor's tree. The tree is built for the first job that needs it.
 #[derive(Default)]
 pub struct FindsLenses {
+    filtered: Vec<bool>,
     structure: Option<Structure>,
 }
 
@@ -24,19 +25,25 @@ impl std::fmt::Debug for FindsLenses {
 }
 
 impl FindsLenses {
-    /// The spheres that focus the light of a job, whose scene must be the same in all calls. `filtered` is the argument of the last
-    /// [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
+    /// The search in a scene. `filtered` is the argument of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
+    #[must_use]
+    pub fn new(filtered: &[bool]) -> Self {
+        Self { filtered: filtered.to_vec(), structure: None }
+    }
+
+    /// The spheres that focus the light of a job, whose scene must be the same in all calls.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] of `backend` if the scene has too many spheres of glass.
-    pub fn of(&mut self, backend: &'static str, job: &RayJob<'_>, filtered: &[bool]) -> Result<Lenses, BackendError> {
+    pub fn of(&mut self, backend: &'static str, job: &RayJob<'_>) -> Result<Lenses, BackendError> {
         if job.scene.geometry.spheres.is_empty() || !asks_for_lenses(job) || !Variant::of(job).knows_bodies() {
             return Ok(Lenses::default());
         }
         if has_bodies(&job.scene.geometry, job.dielectrics) {
+            let Self { filtered, structure } = self;
             let build =
                 || Structure::build_until(job.scene, filtered, &Progress::default()).expect("nobody gives it up");
-            return lenses(backend, self.structure.get_or_insert_with(build), job);
+            return lenses(backend, structure.get_or_insert_with(build), job);
         }
         // Without bodies of triangles no tree is needed: [`Lenses::of`] itself leaves out spheres that touch other spheres of glass.
         Lenses::of(&job.scene.geometry, job.dielectrics, |_| false).map_err(|why| check::missing(backend, job, &why))
@@ -90,7 +97,7 @@ mod tests {
             let shot = Shot::of(&world, eye, [Vec3::ZERO]);
             let job = shot.job(RayProgram::Final, Fidelity::Corrected, params);
             assert_eq!(has_bodies(&job.scene.geometry, job.dielectrics), with_mesh);
-            let refused = FindsLenses::default().of("a device", &job, &[true]).expect_err("there are too many");
+            let refused = FindsLenses::new(&[true]).of("a device", &job).expect_err("there are too many");
             let BackendError::Unsupported { backend, why, .. } = refused else { panic!("{refused}") };
             assert!(backend == "a device" && why.contains("spheres"), "{backend}: {why}");
         }

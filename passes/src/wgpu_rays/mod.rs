@@ -37,7 +37,7 @@ use curitiba_pipeline::backend::{
     BackendError, BuildStats, Gpu as Device, Limits, RayBackend, RayCounts, RayJob, RayStats,
 };
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::{Dielectric, Shape, first_target};
+use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod, Traces};
 use curitiba_pipeline::scene::RenderScene;
@@ -89,8 +89,7 @@ pub struct WgpuRays {
     /// Points of surfaces whose light and occlusion are found by successive kernels.
     points: wgpu::Buffer,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
-    /// The `filtered` argument of the last build, and the search for spheres that focus light, which needs it.
-    filtered: Vec<bool>,
+    /// The search for spheres that focus light.
     lenses: FindsLenses,
     /// Number of points for which tests leave room.
     #[cfg(test)]
@@ -145,7 +144,6 @@ impl WgpuRays {
             counts,
             counts_staging,
             built: None,
-            filtered: Vec::new(),
             lenses: FindsLenses::default(),
             #[cfg(test)]
             room: None,
@@ -197,7 +195,7 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let has_levels = self.require_levels(job)?;
-        let lenses = self.lenses.of(NAME, job, &self.filtered)?;
+        let lenses = self.lenses.of(NAME, job)?;
         let tables = Tables::of(job, &lenses, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         let (kind, disc_rays) = (Kind::of(job, !lenses.is_empty()), disc_rays(job));
         let mut stages = programs::stages(kind, tables.params.samples).to_vec();
@@ -360,10 +358,7 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, true)?;
         check::adaptive(NAME, job)?;
-        let photons = job.program.photons(&job.params);
-        if let Some(target) = first_target(job.scene, job.dielectrics).filter(|_| photons > 0) {
-            return Err(BackendError::no_photons(NAME, job.program.info().stem, photons, target));
-        }
+        check::photons_at_meshes(NAME, job)?;
         Images::check_size(&self.gpu, job)
     }
 
@@ -486,7 +481,7 @@ impl RayBackend for WgpuRays {
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         // The old scene is released first: memory may not hold both.
-        (self.built, self.lenses, self.filtered) = (None, FindsLenses::default(), filtered.to_vec());
+        (self.built, self.lenses) = (None, FindsLenses::new(filtered));
         let buffers = SceneBuffers::new(&self.gpu, scene, filtered, true).map_err(of_rays)?;
         let stats = BuildStats { bytes: buffers.bytes, nodes: buffers.nodes };
         self.built = Some((Arc::clone(scene), buffers));
