@@ -92,7 +92,7 @@ DEVICE bool keeps_color(const Params &params, float3 color, unsigned triangle) {
 #endif
 }
 
-// A colour times the light's share and ambient occlusion, but for colours that are kept. `focused` is the light that spheres add. All threads of
+// A colour times the light's share and ambient occlusion, but for colours that are kept. `focused` is the light that glass focuses. All threads of
 // a warp call it together, those that have no surface with black.
 template <class Tracer>
 static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, unsigned triangle, const Surface &surface,
@@ -162,7 +162,7 @@ struct PixelSurfaces {
         triangle = end.hit.triangle;
     }
 #ifdef CURITIBA_SPHERES
-    // The light that spheres focus on the surface that was found, which has this colour.
+    // The light that glass focuses on the surface that was found, which has this colour.
     template <class Tracer> DEVICE_MEMBER float3 focused(Pass<Tracer> &pass, float3 seen) const {
         const Params &params = pass.params;
         if (!(params.asks & ASKS_FOCUSED) || keeps_color(params, seen, triangle)) return splat(0.0f);
@@ -176,7 +176,8 @@ struct PixelSurfaces {
             lit.normal = normalize_or(pass.normal(), lit_side);
             lit.cosine = fmaxf(pass.position().w, 0.0f);
         }
-        return (1.0f - SHADOWED) * focused_light(pass, end.surface.point, lit_side, lit);
+        return (1.0f - SHADOWED) * focused_light(pass, end.surface.point, lit_side, lit) +
+               (1.0f - SHADOWED) * photon_light(params, end.surface.point.position, lit_side, lit);
     }
 #endif
 };

@@ -92,7 +92,7 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
 #else
         bool turned = is_turned(params, surfaces.triangle, surface.point, surfaces.lit_side, pass.to_light());
 #ifdef CURITIBA_SPHERES
-        // Where spheres focus light, all of the light is found now: what is left of it will be halved.
+        // Where glass focuses light, all of the light is found now: what is left of it will be halved.
         if (params.asks & ASKS_FOCUSED) {
             Share light = light_share(pass, surfaces.triangle, surface, surfaces.lit_side) + surfaces.focused(pass, color);
             color = color * light * (1.0f / SHADOWED);

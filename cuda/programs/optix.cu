@@ -29,10 +29,12 @@ extern "C" __global__ void __closesthit__closest_hit_glass() { report_hit(curren
 extern "C" __global__ void __anyhit__any_hit_shadow() {
     if (!covers(params, current_hit())) ignore_intersection();
 }
-// Lets shadow rays pass, and notes the surface where the ray asks for it.
+// Lets shadow rays pass, and notes the surface where the ray asks for it. A surface that focuses light stops the ray.
 extern "C" __global__ void __anyhit__any_hit_shadow_glass() {
     Hit hit = current_hit();
     Crossings *crossings = asked_crossings();
+    OF_SPHERES(
+        if (crossings != nullptr && (params.asks & ASKS_FOCUSED) && focuses(params, hit.triangle, crossings->origin)) return;)
     if (crossings != nullptr && covers(params, hit)) add_crossing(*crossings, hit);
     ignore_intersection();
 }

@@ -82,6 +82,9 @@ constexpr float LEAST_COSINE = 1e-2f;
 constexpr float CAUCHY = 5.23655e5f;
 constexpr float CAUCHY_AT_D = 1.5168e0f;
 constexpr float SMOOTH_ALPHA = 1e-4f;
+constexpr float PHOTON_ALIKE = 7e-1f;
+constexpr float PHOTON_FLAT = 3e-1f;
+constexpr float PHOTON_GRAZING = 5e-2f;
 constexpr float UNIT_ROUNDOFF = 5.9604645e-8f;
 constexpr float SLAB_ERROR = 4.7683716e-7f;
 constexpr float SLAB_ORIGIN_ERROR = 1.1920929e-7f;
@@ -289,27 +292,65 @@ static_assert(offsetof(Lens, id) == 20, "Lens::id");
 static_assert(offsetof(Lens, material) == 24, "Lens::material");
 static_assert(offsetof(Lens, node) == 28, "Lens::node");
 
-struct Lenses {
+struct Photon {
+    float position[3];
+    float direction[3];
+    float normal[3];
+    float power[3];
+    unsigned number;
+    unsigned bucket;
+};
+static_assert(sizeof(Photon) == 56, "Photon");
+static_assert(offsetof(Photon, position) == 0, "Photon::position");
+static_assert(offsetof(Photon, direction) == 12, "Photon::direction");
+static_assert(offsetof(Photon, normal) == 24, "Photon::normal");
+static_assert(offsetof(Photon, power) == 36, "Photon::power");
+static_assert(offsetof(Photon, number) == 48, "Photon::number");
+static_assert(offsetof(Photon, bucket) == 52, "Photon::bucket");
+
+struct PhotonCloud {
+    const Photon * photons;
+    const unsigned * starts;
+    float low[3];
+    unsigned entries;
+    float high[3];
+    float radius;
+    float cells;
+    float weight;
+};
+static_assert(sizeof(PhotonCloud) == 56, "PhotonCloud");
+static_assert(offsetof(PhotonCloud, photons) == 0, "PhotonCloud::photons");
+static_assert(offsetof(PhotonCloud, starts) == 8, "PhotonCloud::starts");
+static_assert(offsetof(PhotonCloud, low) == 16, "PhotonCloud::low");
+static_assert(offsetof(PhotonCloud, entries) == 28, "PhotonCloud::entries");
+static_assert(offsetof(PhotonCloud, high) == 32, "PhotonCloud::high");
+static_assert(offsetof(PhotonCloud, radius) == 44, "PhotonCloud::radius");
+static_assert(offsetof(PhotonCloud, cells) == 48, "PhotonCloud::cells");
+static_assert(offsetof(PhotonCloud, weight) == 52, "PhotonCloud::weight");
+
+struct Focused {
     const Lens * list;
     const Turned * nodes;
     const double2 * points;
     const unsigned * by_sphere;
+    const PhotonCloud * clouds;
     double axis[3];
     double across[3];
     double blur;
     unsigned count;
-    unsigned unused;
+    unsigned cloud_count;
 };
-static_assert(sizeof(Lenses) == 96, "Lenses");
-static_assert(offsetof(Lenses, list) == 0, "Lenses::list");
-static_assert(offsetof(Lenses, nodes) == 8, "Lenses::nodes");
-static_assert(offsetof(Lenses, points) == 16, "Lenses::points");
-static_assert(offsetof(Lenses, by_sphere) == 24, "Lenses::by_sphere");
-static_assert(offsetof(Lenses, axis) == 32, "Lenses::axis");
-static_assert(offsetof(Lenses, across) == 56, "Lenses::across");
-static_assert(offsetof(Lenses, blur) == 80, "Lenses::blur");
-static_assert(offsetof(Lenses, count) == 88, "Lenses::count");
-static_assert(offsetof(Lenses, unused) == 92, "Lenses::unused");
+static_assert(sizeof(Focused) == 104, "Focused");
+static_assert(offsetof(Focused, list) == 0, "Focused::list");
+static_assert(offsetof(Focused, nodes) == 8, "Focused::nodes");
+static_assert(offsetof(Focused, points) == 16, "Focused::points");
+static_assert(offsetof(Focused, by_sphere) == 24, "Focused::by_sphere");
+static_assert(offsetof(Focused, clouds) == 32, "Focused::clouds");
+static_assert(offsetof(Focused, axis) == 40, "Focused::axis");
+static_assert(offsetof(Focused, across) == 64, "Focused::across");
+static_assert(offsetof(Focused, blur) == 88, "Focused::blur");
+static_assert(offsetof(Focused, count) == 96, "Focused::count");
+static_assert(offsetof(Focused, cloud_count) == 100, "Focused::cloud_count");
 
 struct TextureInfo {
     unsigned long long first;
@@ -399,7 +440,7 @@ struct Params {
     const Params * sky;
     unsigned long long sky_handle;
     const Spheres * spheres;
-    const Lenses * lenses;
+    const Focused * focused;
 };
 static_assert(sizeof(Params) == 496, "Params");
 static_assert(offsetof(Params, position) == 0, "Params::position");
@@ -471,4 +512,4 @@ static_assert(offsetof(Params, disc_height) == 460, "Params::disc_height");
 static_assert(offsetof(Params, sky) == 464, "Params::sky");
 static_assert(offsetof(Params, sky_handle) == 472, "Params::sky_handle");
 static_assert(offsetof(Params, spheres) == 480, "Params::spheres");
-static_assert(offsetof(Params, lenses) == 488, "Params::lenses");
+static_assert(offsetof(Params, focused) == 488, "Params::focused");

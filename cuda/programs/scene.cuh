@@ -306,9 +306,15 @@ DEVICE unsigned distinct(const Crossings &crossings) {
 }
 
 #ifdef CURITIBA_SPHERES
-// Whether it is a sphere through which no light goes straight on to `to`, because the sphere focuses it.
+// Whether light through this triangle or sphere does not go straight on to `to`: a sphere focuses it, or photons carry it.
 DEVICE bool focuses(const Params &params, unsigned id, float3 to) {
-    if (!is_sphere(params, id) || __ldg(params.lenses->by_sphere + (id - params.spheres->first)) == 0u) return false;
+    const Focused &focused = *params.focused;
+    if (!is_sphere(params, id)) {
+        if (focused.cloud_count == 0u) return false;
+        const Body &body = params.bodies[__ldg(params.materials + id)];
+        return body.shape == SHAPE_SOLID && body.index > 1.0f;
+    }
+    if (__ldg(focused.by_sphere + (id - params.spheres->first)) == 0u) return false;
     const Sphere &sphere = sphere_of(params, id);
     float3 from = vector_of(sphere.center) - to;
     return dot(from, from) > sphere.radius * sphere.radius;

@@ -200,6 +200,34 @@ impl Device {
         }
     }
 
+    /// Copies several lists into a buffer, one behind the other, and returns the address of each. The buffer is enlarged if necessary.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn replace_all<T: DeviceRepr + ValidAsZeroBits>(
+        &self,
+        what: &str,
+        buffer: &mut Buffer<T>,
+        lists: &[&[T]],
+    ) -> Result<Vec<Address>, BackendError> {
+        let length: usize = lists.iter().map(|list| list.len()).sum();
+        if length == 0 {
+            *buffer = Buffer::default();
+            return Ok(vec![0; lists.len()]);
+        }
+        self.reserve(what, buffer, length)?;
+        let (first, mut addresses, mut place) = (buffer.address(self), Vec::with_capacity(lists.len()), 0);
+        for list in lists {
+            addresses.push(first + (place * size_of::<T>()) as Address);
+            if let Some(slice) = buffer.0.as_mut().filter(|_| !list.is_empty()) {
+                let copied = self.stream.memcpy_htod(*list, &mut slice.slice_mut(place..place + list.len()));
+                copied.map_err(|error| self.fault(&copying(what, size_of_val(*list)), &error))?;
+            }
+            place += list.len();
+        }
+        Ok(addresses)
+    }
+
     /// Makes a buffer hold at least `length` values. Its contents are lost if it must be enlarged.
     ///
     /// # Errors

@@ -1,10 +1,11 @@
 //! Images and tables in device memory that passes share.
 
 use crate::device::{Address, Buffer, Device};
-use crate::layout::{self, Body, Ways};
-use crate::lenses::LensTables;
+use crate::focused::{self, LensTables};
+use crate::layout::{self, Body, PhotonCloud, Ways};
 use crate::ways::WayTables;
 use cudarc::driver::DeviceRepr;
+use curitiba_passes::effects::dielectric::{Cloud, PhotonMap};
 use curitiba_pipeline::backend::BackendError;
 
 /// Images and tables in device memory, kept from one pass to the next.
@@ -28,8 +29,8 @@ pub(crate) struct Images {
     /// Points from which microfacets are sampled.
     pub facets: Table<u32>,
     pub ways: Table<Ways>,
-    /// The spheres that focus light.
-    pub lenses: LensBuffers,
+    /// The light that glass focuses.
+    pub focused: FocusedBuffers,
     pub lights: Table<layout::Light>,
     pub emissions: Table<f32>,
     /// Points from which directions to the discs of lights are sampled.
@@ -44,7 +45,7 @@ impl Images {
         let lights = self.lights.bytes() + self.emissions.bytes() + self.disc.bytes();
         let materials = self.shades.bytes() + self.bodies.bytes() + self.around_eye.bytes();
         let ways = self.faces.bytes() + self.strata.bytes() + self.facets.bytes() + self.ways.bytes();
-        let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights, ways, self.lenses.bytes()];
+        let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights, ways, self.focused.bytes()];
         [&attachments[..], &tables, &others].concat().iter().sum()
     }
 
@@ -64,37 +65,56 @@ impl Images {
     }
 }
 
-/// The tables of the spheres that focus light.
+/// The tables of the light that glass focuses.
 #[derive(Debug, Default)]
-pub(crate) struct LensBuffers {
+pub(crate) struct FocusedBuffers {
     list: Table<layout::Lens>,
     nodes: Table<layout::Turned>,
     points: Table<f64>,
     by_sphere: Table<u32>,
-    pub described: Table<layout::Lenses>,
+    /// The photons of all targets, word by word.
+    photons: Buffer<u32>,
+    /// The tables of cells of all targets.
+    starts: Buffer<u32>,
+    clouds: Table<PhotonCloud>,
+    pub described: Table<layout::Focused>,
 }
 
-impl LensBuffers {
-    /// Copies the tables to the device.
-    pub fn set(&mut self, device: &Device, tables: LensTables) -> Result<(), BackendError> {
-        let LensTables { list, nodes, points, by_sphere, lenses } = tables;
+impl FocusedBuffers {
+    /// Copies the tables and the photons to the device.
+    pub fn set(&mut self, device: &Device, tables: LensTables, photons: &PhotonMap) -> Result<(), BackendError> {
+        let LensTables { list, nodes, points, by_sphere, focused } = tables;
         self.list.set(device, "the spheres that focus light", list)?;
         self.nodes.set(device, "the rays of spheres that focus light", nodes)?;
         self.points.set(device, "the points of focused light", points)?;
         self.by_sphere.set(device, "which spheres focus light", by_sphere)?;
-        let described = layout::Lenses {
+        self.set_photons(device, photons.clouds())?;
+        let described = layout::Focused {
             list: self.list.address(device),
             nodes: self.nodes.address(device),
             points: self.points.address(device),
             by_sphere: self.by_sphere.address(device),
-            ..lenses
+            clouds: self.clouds.address(device),
+            ..focused
         };
-        self.described.set(device, "where the spheres that focus light are", vec![described])
+        self.described.set(device, "where the light is that glass focuses", vec![described])
+    }
+
+    /// Copies the photons to the device. They are others in each batch of samples, so the host keeps no copy to compare them with.
+    fn set_photons(&mut self, device: &Device, clouds: &[Cloud]) -> Result<(), BackendError> {
+        let photons: Vec<&[u32]> = clouds.iter().map(|cloud| bytemuck::cast_slice(cloud.photons())).collect();
+        let starts: Vec<&[u32]> = clouds.iter().map(Cloud::starts).collect();
+        let photons = device.replace_all("the photons", &mut self.photons, &photons)?;
+        let starts = device.replace_all("the cells of the photons", &mut self.starts, &starts)?;
+        let places = clouds.iter().zip(photons.into_iter().zip(starts));
+        let described = |(cloud, (photons, starts))| PhotonCloud { photons, starts, ..focused::cloud(cloud) };
+        self.clouds.set(device, "where the photons are", places.map(described).collect())
     }
 
     /// Size in bytes of device memory.
     pub fn bytes(&self) -> u64 {
-        self.list.bytes() + self.nodes.bytes() + self.points.bytes() + self.by_sphere.bytes() + self.described.bytes()
+        let lenses = self.list.bytes() + self.nodes.bytes() + self.points.bytes() + self.by_sphere.bytes();
+        lenses + self.photons.bytes() + self.starts.bytes() + self.clouds.bytes() + self.described.bytes()
     }
 }
 

@@ -233,13 +233,49 @@ shared_structs! {
         id: u32 = "unsigned",
         /// Material of the sphere.
         material: u32 = "unsigned",
-        /// Index in [`Lenses::nodes`] of the first ray that has this index of refraction.
+        /// Index in [`Focused::nodes`] of the first ray that has this index of refraction.
         node: u32 = "unsigned",
     }
 
-    /// The spheres that focus the light of a pass.
-    struct Lenses {
-        /// The spheres.
+    /// A photon on a surface: [`Photon`](curitiba_passes::effects::dielectric::Photon), which is copied word by word.
+    struct Photon {
+        /// Where it landed, world.
+        position: [f32; 3] = "float[3]",
+        /// Unit direction in which it came.
+        direction: [f32; 3] = "float[3]",
+        /// Unit geometric normal there, on the side that it came from.
+        normal: [f32; 3] = "float[3]",
+        /// Its power, by colour.
+        power: [f32; 3] = "float[3]",
+        /// Its number among those that were shot at the same target.
+        number: u32 = "unsigned",
+        /// Its entry in the table of cells.
+        bucket: u32 = "unsigned",
+    }
+
+    /// The photons of one target, which are found by a table of cells.
+    struct PhotonCloud {
+        /// The photons, sorted by their entry in the table.
+        photons: Address = "const Photon *",
+        /// For each entry of the table the index of its first photon, and at the end the number of photons.
+        starts: Address = "const unsigned *",
+        /// Low corner of the photons' bounds.
+        low: [f32; 3] = "float[3]",
+        /// Number of entries of the table, a power of two.
+        entries: u32 = "unsigned",
+        /// High corner of the photons' bounds.
+        high: [f32; 3] = "float[3]",
+        /// Radius of the discs over which light is averaged.
+        radius: f32 = "float",
+        /// Number of cells per scene unit.
+        cells: f32 = "float",
+        /// The kernel's weight at distance 0, in 1 / area.
+        weight: f32 = "float",
+    }
+
+    /// The light that glass focuses in a pass.
+    struct Focused {
+        /// The spheres that focus light.
         list: Address = "const Lens *",
         /// For each index of refraction, rays of equally spaced angles of incidence from 0 to a right angle: one more than there are steps.
         nodes: Address = "const Turned *",
@@ -247,6 +283,8 @@ shared_structs! {
         points: Address = "const double2 *",
         /// For each exact sphere of the scene, in the order of their ids: 1 if it focuses light, else 0.
         by_sphere: Address = "const unsigned *",
+        /// The photons of each target.
+        clouds: Address = "const PhotonCloud *",
         /// Unit direction in which the light travels.
         axis: [f64; 3] = "double[3]",
         /// A unit vector across `axis`.
@@ -255,8 +293,8 @@ shared_structs! {
         blur: f64 = "double",
         /// Number of spheres in `list`.
         count: u32 = "unsigned",
-        /// Fills the struct up to its alignment.
-        unused: u32 = "unsigned",
+        /// Number of targets in `clouds`. If it is not 0, all bodies of meshes that bend light are targets.
+        cloud_count: u32 = "unsigned",
     }
 
     /// Level 0 of a texture; where there are other levels, they follow it.
@@ -421,8 +459,8 @@ shared_structs! {
         sky_handle: Address = "unsigned long long",
         /// The exact spheres of the scene; 0 where there are none.
         spheres: Address = "const Spheres *",
-        /// With [`ASKS_FOCUSED`]: the spheres that focus light.
-        lenses: Address = "const Lenses *",
+        /// With [`ASKS_FOCUSED`]: the light that glass focuses.
+        focused: Address = "const Focused *",
     }
 }
 
@@ -448,7 +486,7 @@ pub const SHADE_SKY: u32 = 64;
 pub const ASKS_STRAIGHT: u32 = 1;
 /// The launch is a single thread, which finds the bodies that the camera is in.
 pub const ASKS_EYE: u32 = 2;
-/// Spheres focus light on surfaces.
+/// Glass focuses light on surfaces.
 pub const ASKS_FOCUSED: u32 = 4;
 /// Not glass.
 pub const SHAPE_OPAQUE: u32 = 0;
@@ -599,6 +637,9 @@ pub fn header() -> String {
         ("CAUCHY", CAUCHY),
         ("CAUCHY_AT_D", CAUCHY_AT_D),
         ("SMOOTH_ALPHA", Dielectric::SMOOTH),
+        ("PHOTON_ALIKE", effects::PHOTON_ALIKE),
+        ("PHOTON_FLAT", effects::PHOTON_FLAT),
+        ("PHOTON_GRAZING", effects::PHOTON_GRAZING),
     ];
     for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()).chain(SPHERE_BOUNDS) {
         writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");

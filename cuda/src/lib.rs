@@ -9,9 +9,9 @@
 pub mod bvh;
 pub mod device;
 pub mod fault;
+pub mod focused;
 mod images;
 pub mod layout;
-pub mod lenses;
 pub mod multi_gpu;
 mod nodes;
 pub mod one_gpu;

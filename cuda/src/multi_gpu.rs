@@ -10,7 +10,7 @@ use crate::one_gpu::{DeviceTracer, OneGpu};
 use crate::programs::Key;
 use crate::stripes::{Stripe, launches, pixels_of_launch};
 use crate::{peers, programs, shared_gbuffer};
-use curitiba_passes::cpu::{FindsLenses, check};
+use curitiba_passes::cpu::{FindsFocused, Focused, check};
 use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
@@ -39,8 +39,8 @@ pub struct DeviceRays<T> {
     gpus: Vec<OneGpu<T>>,
     /// Index of the GPU that has the shared G-buffer, if there is one.
     owner: usize,
-    /// Finds the spheres of the scene that focus light.
-    lenses: FindsLenses,
+    /// Finds the light that glass focuses in the scene.
+    focused: FindsFocused,
 }
 
 impl<T: DeviceTracer> DeviceRays<T> {
@@ -61,7 +61,7 @@ impl<T: DeviceTracer> DeviceRays<T> {
         let several = ordinals.len() > 1;
         let open = |ordinal: &usize| OneGpu::new(Device::on(T::NAME, *ordinal, several)?);
         let gpus = ordinals.iter().map(open).collect::<Result<_, _>>()?;
-        Ok(Self { gpus, owner: 0, lenses: FindsLenses::default() })
+        Ok(Self { gpus, owner: 0, focused: FindsFocused::default() })
     }
 
     /// Index of the first GPU with that UUID, on which the rasteriser draws; `None` if no GPU here has it.
@@ -125,6 +125,12 @@ fn together(parts: &[RayStats]) -> RayStats {
     whole
 }
 
+/// Adds the counts of the photons that the processor has shot.
+fn with_photons(mut stats: RayStats, focused: &Focused) -> RayStats {
+    stats.rays.photons += focused.photons.counts;
+    stats
+}
+
 impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     fn name(&self) -> &'static str {
         T::NAME
@@ -182,9 +188,13 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         true
     }
 
+    fn shoots_photons(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
-        self.lenses = FindsLenses::new(filtered);
+        self.focused = FindsFocused::new(filtered);
         let prepared = T::prepare(scene, filtered);
         let shares = vec![(); self.gpus.len()];
         let built = self.on_each(shares, |gpu, ()| gpu.build(scene, filtered, &prepared))?;
@@ -220,7 +230,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if output.pixels.is_empty() {
             return Ok(RayStats::default());
         }
-        let lenses = self.lenses.of(T::NAME, job)?;
+        let focused = self.focused.of(T::NAME, job, progress)?;
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
         let pixels = pixels_of_launch(job);
         progress.start(shares.iter().map(|share| launches(share, job.width, pixels).len() as u64).sum());
@@ -233,21 +243,21 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             if share.is_empty() {
                 return Ok(RayStats::default());
             }
-            gpu.run((job, &lenses), &mut share, lent.as_ref().filter(|_| index != owner), progress)
+            gpu.run((job, &focused), &mut share, lent.as_ref().filter(|_| index != owner), progress)
         })?;
-        Ok(together(&parts))
+        Ok(with_photons(together(&parts), &focused))
     }
 
     fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
         check::buffers(T::NAME, job)?;
         check_job::<T>(job)?;
-        let lenses = self.lenses.of(T::NAME, job)?;
+        let focused = self.focused.of(T::NAME, job, progress)?;
         let [gpu] = self.gpus.as_mut_slice() else {
             return Err(check::missing(T::NAME, job, "the picture of several GPUs does not lie on one of them"));
         };
         let mut whole = [Stripe { first_row: 0, rows: job.height, pixels: &mut [] }];
         progress.start(launches(&whole, job.width, pixels_of_launch(job)).len() as u64);
-        gpu.run_in_place((job, &lenses), &mut whole, progress)
+        Ok(with_photons(gpu.run_in_place((job, &focused), &mut whole, progress)?, &focused))
     }
 }
 
@@ -260,7 +270,6 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
         check::scene(T::NAME, job, true)?;
         check::filter(T::NAME, job)?;
         check::adaptive(T::NAME, job)?;
-        check::photons_at_meshes(T::NAME, job)?;
     }
     Ok(())
 }
@@ -271,8 +280,7 @@ mod tests {
     use crate::bvh::BvhTracer;
     use crate::optix::OptixTracer;
     use curitiba_pipeline::backend::{PixelCone, RayCounts, Shade, Sun};
-    use curitiba_pipeline::glass::{GlassRule, GlassShadow, Shape};
-    use curitiba_pipeline::scene::{Batch, Geometry, Material, Sphere};
+    use curitiba_pipeline::scene::{Geometry, Material, Sphere};
     use glam::Vec3;
     use std::time::Duration;
 
@@ -326,31 +334,6 @@ mod tests {
                 }
             });
         }
-    }
-
-    #[test]
-    fn photons_at_meshes_are_refused_by_name_and_spheres_alone_are_not() {
-        of_a_sphere(RayProgram::Final, Fidelity::Corrected, |job| {
-            let params =
-                RayParams { glass: GlassRule::Auto, shadow: GlassShadow::Caustic, photons: 5000, ..job.params };
-            let glass = [Dielectric { shape: Shape::Solid, index: 1.5, ..Dielectric::default() }];
-            let asked = RayJob { params, dielectrics: &glass, ..*job };
-            check_job::<BvhTracer>(&asked).expect("no mesh is shot at");
-            check_job::<OptixTracer>(&asked).expect("no mesh is shot at");
-            let mut scene = job.scene.clone();
-            scene.geometry.batches.push(Batch { material: 0, first: 0, count: 1 });
-            scene.geometry.triangles.push([0; 3]);
-            let meshes = RayJob { scene: &scene, ..asked };
-            for (name, checked) in
-                [("cuda", check_job::<BvhTracer>(&meshes)), ("optix", check_job::<OptixTracer>(&meshes))]
-            {
-                let refused = checked.expect_err("there is a mesh of glass").to_string();
-                let words = [name, "photons=5000", "material `", "photons=0"];
-                assert!(words.iter().all(|word| refused.contains(word)), "{refused}");
-            }
-            check_job::<BvhTracer>(&RayJob { params: RayParams { photons: 0, ..params }, ..meshes })
-                .expect("none are shot");
-        });
     }
 
     #[test]

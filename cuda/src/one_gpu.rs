@@ -1,12 +1,12 @@
 //! The ray programs on one GPU, with any tracer. [`crate::multi_gpu`] makes a backend from one or several `OneGpu`.
 
 use crate::device::{Address, Device};
+use crate::focused::LensTables;
 use crate::images::Images;
 use crate::layout::{
     ASKS_EYE, ASKS_FOCUSED, ASKS_STRAIGHT, BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, MEDIA_BYTES, Params,
     RAY_COUNT_KINDS, REACHES, THROUGH_GLASS_ENTRIES,
 };
-use crate::lenses::LensTables;
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
 use crate::programs::Key;
 use crate::scene::{SceneBuffers, bodies, emissions, lights, shades};
@@ -17,9 +17,9 @@ use crate::stripes::{Launch, Stripe, launches, pixels_of_launch};
 use crate::ways::WayTables;
 use cudarc::driver::CudaEvent;
 use cudarc::driver::sys::CUevent_flags;
-use curitiba_passes::cpu::{check, may_trace};
+use curitiba_passes::cpu::{Focused, check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
-use curitiba_passes::effects::dielectric::{Lenses, Variant};
+use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::effects::{LightTable, Preparation};
 use curitiba_passes::sampling::HemisphereSampler;
 use curitiba_passes::sampling::cone::ConeSampler;
@@ -216,7 +216,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     fn describe(
         &mut self,
         job: &RayJob<'_>,
-        lenses: &Lenses,
+        focused: &Focused,
         copied: bool,
         picture: Option<Address>,
     ) -> Result<Params, BackendError> {
@@ -258,9 +258,9 @@ impl<T: DeviceTracer> OneGpu<T> {
         }
         let falls_straight =
             !job.dielectrics.is_empty() && matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
-        let focuses = !lenses.is_empty();
-        if let Some(tables) = LensTables::of(job, lenses) {
-            images.lenses.set(device, tables)?;
+        let focuses = !focused.is_empty();
+        if let Some(tables) = LensTables::of(job, focused) {
+            images.focused.set(device, tables, &focused.photons)?;
         }
         let asks = if falls_straight { ASKS_STRAIGHT } else { 0 } | if focuses { ASKS_FOCUSED } else { 0 };
         if has_bodies {
@@ -344,7 +344,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             sky: 0,
             sky_handle: 0,
             spheres: 0,
-            lenses: if focuses { images.lenses.described.address(device) } else { 0 },
+            focused: if focuses { images.focused.described.address(device) } else { 0 },
         })
     }
 
@@ -432,16 +432,16 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.tracer.clear();
     }
 
-    /// Runs a pass, which must have been checked, over some of its rows; `lenses` are the spheres that focus its light. A shared G-buffer is in
+    /// Runs a pass, which must have been checked, over some of its rows; `focused` is the light that glass focuses in it. A shared G-buffer is in
     /// this GPU's memory, or `lent` by another GPU. After an error, no pixel is valid.
     pub fn run(
         &mut self,
-        (job, lenses): (&RayJob<'_>, &Lenses),
+        (job, focused): (&RayJob<'_>, &Focused),
         stripes: &mut [Stripe<'_>],
         lent: Option<&Lent>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
-        let stats = self.launched((job, lenses), stripes, lent, None, progress)?;
+        let stats = self.launched((job, focused), stripes, lent, None, progress)?;
         let start = Instant::now();
         if let Some(picture) = &self.images.output.0 {
             let parts = stripes.iter_mut().map(|stripe| {
@@ -458,7 +458,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// then signalled.
     pub fn run_in_place(
         &mut self,
-        (job, lenses): (&RayJob<'_>, &Lenses),
+        (job, focused): (&RayJob<'_>, &Focused),
         stripes: &mut [Stripe<'_>],
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
@@ -466,7 +466,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let Some(picture) = room else {
             return Err(check::missing(T::NAME, job, "the shared memory has no room for its picture"));
         };
-        let stats = self.launched((job, lenses), stripes, None, Some(picture), progress)?;
+        let stats = self.launched((job, focused), stripes, None, Some(picture), progress)?;
         if let Some((joined, value)) = self.shared(job)? {
             joined.signal(&self.device, after_picture(value))?;
         }
@@ -476,7 +476,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// Starts the launches of a pass and waits for them. The result does not contain the ray counts yet.
     fn launched(
         &mut self,
-        (job, lenses): (&RayJob<'_>, &Lenses),
+        (job, focused): (&RayJob<'_>, &Focused),
         stripes: &[Stripe<'_>],
         lent: Option<&Lent>,
         picture: Option<Address>,
@@ -487,7 +487,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let mut upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
         let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
         let copied = upload.is_some() || borrowed.is_some();
-        let mut params = self.describe(job, lenses, copied, picture)?;
+        let mut params = self.describe(job, focused, copied, picture)?;
         let is_built = |scene: &Arc<RenderScene>| std::ptr::eq(&raw const **scene, job.scene);
         if job.texture_lod() == TextureLod::Cones
             && let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| is_built(scene))

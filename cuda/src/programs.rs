@@ -1,5 +1,6 @@
 //! The device programs as PTX, which the driver compiles for its GPU; `programs/build.sh` writes them.
 
+use curitiba_passes::cpu::shoots_photons;
 use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_pipeline::backend::{BackendError, RayJob};
@@ -110,7 +111,7 @@ pub struct Key {
     pub variant: Variant,
     /// The lights that the program supports.
     pub lighting: Lighting,
-    /// Whether the program supports exact spheres, for a scene that has any.
+    /// Whether the program supports exact spheres and the light that glass focuses, for a scene that has spheres and for a job that shoots photons.
     pub spheres: bool,
 }
 
@@ -120,7 +121,7 @@ impl Key {
     pub fn of(job: &RayJob<'_>) -> Self {
         let (program, variant, lighting) = (job.program, Variant::of(job), Lighting::of(job));
         let serves_all = program == RayProgram::Dummy || variant == Variant::Ways;
-        let spheres = !serves_all && !job.scene.geometry.spheres.is_empty();
+        let spheres = !serves_all && (!job.scene.geometry.spheres.is_empty() || shoots_photons(job));
         Self { program, variant, lighting, spheres }
     }
 }

@@ -3,10 +3,10 @@
 mod adaptive;
 pub mod check;
 mod filter;
+mod focused;
 mod intersections;
-mod lenses;
 
-pub use lenses::FindsLenses;
+pub use focused::{FindsFocused, Focused, shoots_photons};
 
 use crate::effects::{
     AlphaTested, Area, ByCones, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined,

@@ -1,12 +1,10 @@
-//! Light that exact spheres focus, compared with the processor's.
+//! Light that glass focuses, exact spheres and meshes, compared with the processor's.
 
 use super::conformance::compared;
-use super::{file, loaded, there};
+use super::loaded;
+use curitiba::BackendChoice;
 use curitiba::conformance::Record;
 use curitiba::pipeline::backend::RayCounts;
-use curitiba::pipeline::executor::Silent;
-use curitiba::pipeline::plan::Settings;
-use curitiba::{BackendChoice, Choice};
 
 /// Under a point and under a disc; where nothing is near points, few rays and many; with each kind of texture lookup and of weights; with paths that
 /// are followed as ways; and where spheres touch and lie in each other. The last is a control without focused light.
@@ -51,22 +49,37 @@ fn light_that_spheres_focus_on_optix_is_the_processors() {
     focused(BackendChoice::Optix);
 }
 
-/// Only the processor shoots photons. They are refused where a pass has meshes that they are shot at.
-#[test]
-fn photons_at_meshes_are_refused_by_name() {
-    for backend in [BackendChoice::Cuda, BackendChoice::Optix] {
-        let Some(rays) = there(Choice::CPU.traced_by(backend)) else { continue };
-        assert!(!rays.shoots_photons());
-        let open = |name: &str, set: &[&str]| {
-            let set = set.iter().map(|one| format!("pass2.{one}")).collect();
-            let settings = Settings { size: Some([8, 8]), set, ..Settings::default() };
-            let path = file(&format!("xml_projects/glass/{name}.xml"));
-            curitiba::open(&path, settings, Choice::CPU.traced_by(backend), &mut Silent)
-        };
-        let refused = open("MeshCaustics", &[]).err().expect("it has photons").to_string();
-        let words = ["photons=", "material `", "photons=0"];
-        assert!(words.iter().all(|word| refused.contains(word)), "{refused}");
-        assert!(open("MeshCaustics", &["photons=0"]).is_ok(), "light goes straight through meshes");
-        assert!(open("Caustics", &["photons=1000"]).is_ok(), "photons are shot at no sphere");
+/// Photons at meshes: under a point and under discs; without occlusion, with few occlusion rays and with many; where paths are followed as ways;
+/// with a radius of its own. The last is a control without photons.
+const PHOTON_RUNS: [(&str, &[&str]); 7] = [
+    ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sun=0", "pass2.samples=0"]),
+    ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sun=0", "pass2.samples=2", "pass2.fresnel=schlick"]),
+    ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sun=0", "pass2.samples=16", "pass2.texturelod=cones"]),
+    ("glass/MeshCaustics", &["pass2.photons=3000", "pass2.sunsamples=4", "pass2.samples=4", "pass2.photonradius=0.3"]),
+    ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sun=0", "pass2.samples=9", "pass2.cutoff=0.02"]),
+    ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sunsamples=4", "pass2.samples=0", "pass2.cutoff=0.02"]),
+    ("glass/MeshCaustics", &["pass2.photons=0", "pass2.sunsamples=4", "pass2.samples=0"]),
+];
+
+/// The processor shoots the photons of all backends, so they are the same; the devices look them up.
+fn lit_by_photons(backend: BackendChoice) {
+    let runs = PHOTON_RUNS.map(|(name, set)| (loaded(name), name, set));
+    let Some(records) = compared(backend, Vec::from(runs)) else { return };
+    let (control, shot) = records.split_last().expect("there are runs");
+    for record in shot {
+        let cpu = record.cpu_rays.expect("the processor ran");
+        assert!(cpu.photons.landed > 100, "{}: {:?}", record.in_words(), cpu.photons);
+        assert_eq!(record.rays.photons, cpu.photons, "{}", record.in_words());
     }
+    assert!(control.rays.photons.is_empty(), "{:?}", control.rays);
+}
+
+#[test]
+fn light_of_photons_on_our_own_tracer_is_the_processors() {
+    lit_by_photons(BackendChoice::Cuda);
+}
+
+#[test]
+fn light_of_photons_on_optix_is_the_processors() {
+    lit_by_photons(BackendChoice::Optix);
 }

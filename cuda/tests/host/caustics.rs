@@ -1,14 +1,16 @@
-//! Light that exact spheres focus. The bundles of rays behind a sphere are compared bit for bit; the programs that show focused light are
-//! compiled for the host as those in `glass.rs`.
+//! Light that glass focuses: exact spheres, and meshes, at which photons are shot. The bundles of rays behind a sphere are compared bit for bit;
+//! the programs that show focused light are compiled for the host as those in `glass.rs`.
 
-use super::glass::{Asked, Divided, PIXELS, ROUNDING, Scene, differences, each_pixel, several, solid, under_a_sky};
+use super::glass::{
+    Asked, Divided, PIXELS, ROUNDING, Scene, cuboid, differences, each_pixel, flat, several, solid, under_a_sky,
+};
 use super::lights::asked;
 use super::ways::{BOTH, dispersing, frosted, owned, uncut};
 use super::{Random, compiled_with, run};
-use curitiba_cuda::layout::{Lens, Lenses, Turned};
-use curitiba_cuda::lenses::{LensTables, nodes};
+use curitiba_cuda::focused::{LensTables, cloud, nodes};
+use curitiba_cuda::layout::{Focused, Lens, PhotonCloud, Turned};
 use curitiba_passes::effects::constants::CELLS;
-use curitiba_passes::effects::dielectric::{self, Ball};
+use curitiba_passes::effects::dielectric::{self, Ball, Cloud};
 use curitiba_pipeline::glass::{Dielectric, GlassShadow};
 use curitiba_pipeline::programs::{Fresnel, RayProgram, TextureLod};
 use curitiba_pipeline::scene::Sphere;
@@ -28,7 +30,7 @@ fn turned_words(ray: &Turned) -> impl Iterator<Item = u32> + use<> {
 
 /// The spheres that focus light as a host program reads them.
 pub(crate) fn lens_words(tables: &LensTables) -> Vec<u32> {
-    let LensTables { list, nodes, points, by_sphere, lenses } = tables;
+    let LensTables { list, nodes, points, by_sphere, focused } = tables;
     let mut input = vec![list.len() as u32];
     for Lens { center, radius, index, id, material, node } in list {
         input.extend(center.iter().chain([radius, index]).map(|number| number.to_bits()));
@@ -40,8 +42,22 @@ pub(crate) fn lens_words(tables: &LensTables) -> Vec<u32> {
     input.extend(points.iter().copied().flat_map(wide));
     input.push(by_sphere.len() as u32);
     input.extend(by_sphere);
-    let Lenses { axis, across, blur, .. } = lenses;
+    let Focused { axis, across, blur, .. } = focused;
     input.extend(axis.iter().chain(across).chain([blur]).copied().flat_map(wide));
+    input
+}
+
+/// The photons of each target as a host program reads them.
+pub(crate) fn photon_words(clouds: &[Cloud]) -> Vec<u32> {
+    let mut input = vec![clouds.len() as u32];
+    for own in clouds {
+        let PhotonCloud { low, high, radius, cells, weight, .. } = cloud(own);
+        input.extend(low.into_iter().chain(high).chain([radius, cells, weight]).map(f32::to_bits));
+        input.push(own.starts().len() as u32);
+        input.extend(own.starts());
+        input.push(own.photons().len() as u32);
+        input.extend(bytemuck::cast_slice::<_, u32>(own.photons()));
+    }
     input
 }
 
@@ -259,6 +275,71 @@ fn focused_light_of_glass_that_is_followed_as_ways_is_the_processors() {
     }
 }
 
+/// Adds a mesh of index 1, which bends no light and is no target, and steps on which photons land beside the floor.
+fn with_steps(mut scene: Scene) -> Scene {
+    let low = Vec3::new(0.1, 0.2, 2.4);
+    scene.add(solid(1.0), Vec3::ONE, &cuboid(low, low + 0.4), flat);
+    for (x, z) in [(-1.8, -0.9), (0.3, -0.6), (1.0, -0.5)] {
+        let low = Vec3::new(x, 0.0, z);
+        scene.add(Dielectric::default(), Vec3::ONE, &cuboid(low, low + Vec3::new(0.5, 0.15, 0.5)), flat);
+    }
+    scene
+}
+
+/// Photons of meshes, alone and beside spheres that focus light, under a point and under a disc, and where paths are followed as ways.
+#[test]
+fn light_of_photons_of_the_device_programs_is_the_processors() {
+    let photons = |asked: Asked<'static>| Asked { photons: (20_000, 0.0), ..asked };
+    let whole = photons(focused(4));
+    for (source, scene, asked, what) in [
+        ("spheres_final.cpp", several(), whole, "photons"),
+        ("spheres_final.cpp", under_a_sky(), photons(Asked { samples: 9, ..focused(0) }), "photons, with occlusion"),
+        ("spheres_final.cpp", with_lenses(several()), whole, "photons beside spheres"),
+        ("spheres_lights_final.cpp", several(), Asked { sun: 3.0, ..whole }, "photons of a disc"),
+        ("ways_spheres_final.cpp", several(), Asked { divided: uncut(), ..whole }, "photons and ways"),
+        (
+            "ways_spheres_final.cpp",
+            frosted(dispersing(several())),
+            Asked { divided: BOTH, ..photons(focused(2)) },
+            "photons of rough glass that disperses light",
+        ),
+    ] {
+        let Some(()) = compare(source, &scene, asked, what) else { return };
+    }
+}
+
+#[test]
+fn a_wrong_word_of_the_light_of_photons_is_noticed() {
+    // Few photons over wide discs: many cells share an entry, and discs reach around corners and beyond steps.
+    let (asked, mut unnoticed) = (Asked { photons: (200, 0.4), ..focused(4) }, Vec::new());
+    for (header, change) in [
+        // Light also passes straight through the meshes.
+        ("scene.cuh", ["body.shape == SHAPE_SOLID && body.index > 1.0f", "false"]),
+        // Bodies of index 1 stop light.
+        ("scene.cuh", ["body.shape == SHAPE_SOLID && body.index > 1.0f", "body.shape == SHAPE_SOLID"]),
+        // No photon counts, and photons in two cells of one entry count twice.
+        ("focus.cuh", ["number < focused.cloud_count", "number < 0u"]),
+        ("focus.cuh", ["if (again) continue;", ""]),
+        ("focus.cuh", ["73856093u", "73856095u"]),
+        // Photons count whatever their normal, and their height above the tangent plane.
+        ("focus.cuh", ["dot(normal, facing) >= PHOTON_ALIKE", "dot(normal, facing) >= -1.0f"]),
+        ("focus.cuh", ["fabsf(height) <= PHOTON_FLAT * cloud.radius", "true"]),
+        // Weights are equal, and light is not that of the surface.
+        ("focus.cuh", ["(1.0f - fmaxf(distance, 0.0f) / square)", "0.5f"]),
+        ("focus.cuh", ["weight / cosine", "weight"]),
+        ("focus.cuh", ["lit.share(color, -direction)", "lit.share(color, normal)"]),
+    ] {
+        let Some(compiled) = compiled_with("spheres_final.cpp", "photons-changed", Some((header, change))) else {
+            return;
+        };
+        let (largest, ..) = differences(&compiled, &with_steps(several()), asked);
+        if largest <= 1e-3 {
+            unnoticed.push((header, change, largest));
+        }
+    }
+    assert!(unnoticed.is_empty(), "{unnoticed:?}");
+}
+
 #[test]
 fn a_wrong_word_of_focused_light_is_noticed() {
     let (point, mut unnoticed) = (focused(3), Vec::new());
@@ -303,7 +384,7 @@ fn a_wrong_word_of_focused_light_is_noticed() {
             "spheres_lights_final.cpp",
             "focus.cuh",
             Asked { sun: 3.0, ..point },
-            ["fmax(LENS_WIDTH, sqrt(squared) * lenses.blur)", "LENS_WIDTH"],
+            ["fmax(LENS_WIDTH, sqrt(squared) * focused.blur)", "LENS_WIDTH"],
         ),
         // The reflectance is that of another material.
         (

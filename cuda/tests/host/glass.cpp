@@ -236,16 +236,20 @@ int main() {
 #ifdef CURITIBA_SPHERES
     // Programs that follow ways are those of scenes without spheres, too.
     std::unique_ptr<SpheresOfWords> spheres;
-    if (place < input.size()) {
+    if (place < input.size() && word() != 0u) {
         spheres = std::make_unique<SpheresOfWords>();
         for (unsigned count = word(); count > 0; --count) materials.push_back(word());
         params.materials = materials.data();
         params.spheres = &spheres->described;
     }
     std::unique_ptr<LensesOfWords> lenses;
+    std::unique_ptr<PhotonsOfWords> photons;
     if (params.asks & ASKS_FOCUSED) {
         lenses = std::make_unique<LensesOfWords>();
-        params.lenses = &lenses->described;
+        photons = std::make_unique<PhotonsOfWords>();
+        lenses->described.clouds = photons->clouds.data();
+        lenses->described.cloud_count = (unsigned)photons->clouds.size();
+        params.focused = &lenses->described;
     }
 #endif
     std::vector<float> through(THROUGH_GLASS_ENTRIES);

@@ -1,17 +1,17 @@
 //! `refraction` and `final` with glass as defined by each material: the source of the device programs, compiled for the host with a tracer
 //! that tests all triangles, compared with the processor's programs.
 
-use super::caustics::lens_words;
+use super::caustics::{lens_words, photon_words};
 use super::lights;
 use super::spheres::sphere_words;
 use super::{compiled_with, light_words, run, words};
+use curitiba_cuda::focused::LensTables;
 use curitiba_cuda::layout::{ASKS_FOCUSED, ASKS_STRAIGHT, NO_TEXTURE};
-use curitiba_cuda::lenses::LensTables;
 use curitiba_cuda::scene::{emissions, lights, shades};
 use curitiba_cuda::sobol_table;
 use curitiba_cuda::spheres::Packed;
 use curitiba_cuda::ways::WayTables;
-use curitiba_passes::cpu::{self, FindsLenses};
+use curitiba_passes::cpu::{self, FindsFocused};
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::effects::{LightTable, Preparation, open_shares};
 use curitiba_passes::sampling::HemisphereSampler;
@@ -53,7 +53,13 @@ impl Scene {
 
     /// Adds triangles with a new material and their own vertices; `normal` gives the normal of a corner from its position and the flat
     /// normal.
-    fn add(&mut self, what: Dielectric, diffuse: Vec3, triangles: &[[Vec3; 3]], normal: impl Fn(Vec3, Vec3) -> Vec3) {
+    pub(crate) fn add(
+        &mut self,
+        what: Dielectric,
+        diffuse: Vec3,
+        triangles: &[[Vec3; 3]],
+        normal: impl Fn(Vec3, Vec3) -> Vec3,
+    ) {
         let geometry = &mut self.scene.geometry;
         let (first, material) = (geometry.triangles.len() as u32, self.dielectrics.len() as u32);
         for corners in triangles {
@@ -121,7 +127,7 @@ impl Scene {
 }
 
 /// A box whose outer faces are counter-clockwise.
-fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
+pub(crate) fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
     let corner = |i: usize| {
         Vec3::new(
             if i & 1 == 0 { low.x } else { high.x },
@@ -159,7 +165,7 @@ fn ball(center: Vec3, radius: f32) -> Vec<[Vec3; 3]> {
     triangles
 }
 
-fn flat(_: Vec3, normal: Vec3) -> Vec3 {
+pub(crate) fn flat(_: Vec3, normal: Vec3) -> Vec3 {
     normal
 }
 
@@ -317,6 +323,8 @@ pub(crate) struct Asked<'a> {
     pub after: Option<u32>,
     /// All glass is panes, whatever the materials say.
     pub panes: bool,
+    /// Number of photons that are shot at meshes, and the radius over which they are averaged, which is chosen where it is 0.
+    pub photons: (u32, f32),
     /// How paths are divided and cut off.
     pub divided: Divided,
 }
@@ -397,6 +405,8 @@ fn each_pixel_on<T: Tracer>(
         sun_samples: 5,
         paths: asked.divided.paths,
         wavelengths: asked.divided.wavelengths,
+        photons: asked.photons.0,
+        photon_radius: asked.photons.1,
         limits: asked.divided.limits,
         ..RayParams::default()
     };
@@ -489,8 +499,8 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     input.extend([job.params.index.to_bits(), job.params.depth]);
     input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
     let transparent = vec![true; job.shades.len()];
-    let lenses = FindsLenses::new(&transparent).of("host", job).expect("few spheres");
-    let lenses = LensTables::of(job, &lenses);
+    let focused = FindsFocused::new(&transparent).of("host", job, &Progress::default()).expect("few spheres");
+    let lenses = LensTables::of(job, &focused);
     let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
     input.push(if straight { ASKS_STRAIGHT } else { 0 } | if lenses.is_some() { ASKS_FOCUSED } else { 0 });
     let asks = job.texture_lod() == TextureLod::Cones;
@@ -525,12 +535,18 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
         input.push(job.seed);
         input.extend(way_words(&WayTables::of(job)));
     }
+    if !geometry.spheres.is_empty() || lenses.is_some() {
+        input.push(u32::from(!geometry.spheres.is_empty()));
+    }
     if !geometry.spheres.is_empty() {
         input.extend(sphere_words(&Packed::of(geometry, &transparent)));
         input.push(geometry.spheres.len() as u32);
         input.extend(geometry.spheres.iter().map(|sphere| sphere.material));
     }
-    input.extend(lenses.iter().flat_map(lens_words));
+    if let Some(lenses) = &lenses {
+        input.extend(lens_words(lenses));
+        input.extend(photon_words(focused.photons.clouds()));
+    }
     input
 }
 

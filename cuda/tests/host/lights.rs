@@ -119,6 +119,7 @@ pub(crate) fn asked(program: RayProgram, shadow: GlassShadow, lights: &[Light]) 
         samples: 0,
         after: None,
         panes: false,
+        photons: (0, 0.0),
         divided: WHOLE,
     }
 }

@@ -97,7 +97,7 @@ struct LensesOfWords {
     std::vector<Turned> nodes;
     std::vector<double2> points;
     std::vector<unsigned> by_sphere;
-    Lenses described = {};
+    Focused described = {};
 
     LensesOfWords() {
         SpheresOfWords::read(list);
@@ -112,6 +112,34 @@ struct LensesOfWords {
         described.points = points.data();
         described.by_sphere = by_sphere.data();
         described.count = (unsigned)list.size();
+    }
+};
+
+// The photons of each target, after the number of targets: the corners of their bounds, the radius of the discs, the number of cells per scene
+// unit, the kernel's greatest weight, the table of cells, and the photons.
+struct PhotonsOfWords {
+    std::vector<PhotonCloud> clouds;
+    std::vector<std::vector<unsigned>> starts;
+    std::vector<std::vector<Photon>> photons;
+
+    PhotonsOfWords() {
+        unsigned count = word();
+        clouds.resize(count);
+        starts.resize(count);
+        photons.resize(count);
+        for (unsigned i = 0; i < count; ++i) {
+            PhotonCloud &cloud = clouds[i];
+            for (float &each : cloud.low) each = number();
+            for (float &each : cloud.high) each = number();
+            cloud.radius = number();
+            cloud.cells = number();
+            cloud.weight = number();
+            SpheresOfWords::read(starts[i]);
+            SpheresOfWords::read(photons[i]);
+            cloud.entries = (unsigned)starts[i].size() - 1;
+            cloud.starts = starts[i].data();
+            cloud.photons = photons[i].data();
+        }
     }
 };
 

@@ -2,7 +2,7 @@
 
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
-use curitiba_pipeline::glass::{GlassShadow, first_target};
+use curitiba_pipeline::glass::GlassShadow;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod, Traces};
 use rayon::prelude::*;
@@ -146,18 +146,6 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
         }
     }
     Ok(())
-}
-
-/// Refuses photons at glass meshes, for a backend that shoots none.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] that names `backend`, a material and a remedy.
-pub fn photons_at_meshes(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    let photons = job.program.photons(&job.params);
-    match first_target(job.scene, job.dielectrics).filter(|_| photons > 0) {
-        Some(target) => Err(BackendError::no_photons(backend, job.program.info().stem, photons, target)),
-        None => Ok(()),
-    }
 }
 
 /// Checks that the materials, vertex attributes, light and camera that the program reads are present, and that the triangle ids are valid. Also

@@ -84,6 +84,7 @@ pub use workspace::Workspace;
 /// formulas.
 pub mod constants {
     pub use super::dielectric::{CELLS, LENS_WIDTH, MOST_SURFACES, POINTS, POINTS_AT_AXIS};
+    pub use super::dielectric::{PHOTON_ALIKE, PHOTON_FLAT, PHOTON_GRAZING};
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::lights::BEFORE_LIGHT;
     pub use super::material::{AMBIENT, LEAST_SQUARE};

@@ -1,11 +1,10 @@
 //! Structs and constants that the host and the programs share.
 
 use crate::effects::constants as effects;
-use crate::effects::dielectric::{LENS_WIDTH, ball};
+use crate::effects::dielectric::{LENS_WIDTH, Photon, ball};
 use crate::trace::gpu_binary;
 use bytemuck::{Pod, Zeroable};
 use std::f64::consts::FRAC_PI_2;
-use std::fmt::Write as _;
 
 /// Rays bounce on the material (reflection and refraction).
 pub const SHADE_GLASS: u32 = 1;
@@ -21,6 +20,8 @@ pub const SHADE_GLOW: u32 = 16;
 pub const SHADE_NORMAL_MAP: u32 = 32;
 /// The material is a sky, whose colour `final` leaves without lighting and occlusion.
 pub const SHADE_SKY: u32 = 64;
+/// Photons carry the light that meets triangles of the material, so they stop straight light.
+pub const SHADE_TARGET: u32 = 128;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 12;
 /// Words of a texture in the tables.
@@ -34,10 +35,13 @@ pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material for rays in glass.
 pub const BODY_WORDS: u32 = 23;
 /// Words before the materials for rays in glass: the settings of a pass for paths in glass. The first word says how light passes glass: 0 dimmed as
-/// in the report, 1 straight, else the place of the spheres that focus light ([`LENS_HEAD`]). The words named by [`HEAD`] follow.
+/// in the report, 1 straight, else the place of the spheres that focus light ([`LENS_HEAD`]), where any glass focuses light. The words named by
+/// [`HEAD`] follow.
 pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
+/// Place of the word of [`BODY_HEAD`] that is the place of the photons: the last one.
+pub const HEAD_PHOTONS: u32 = BODY_HEAD - 1;
 /// The programs' names for the places of the words of [`BODY_HEAD`], from the second word on.
-pub const HEAD: [&str; 10] = [
+pub const HEAD: [&str; 11] = [
     "HEAD_CUTOFF",
     "HEAD_REFLECTIONS",
     "HEAD_REFRACTIONS",
@@ -48,6 +52,7 @@ pub const HEAD: [&str; 10] = [
     "HEAD_STRATUM_COUNT",
     "HEAD_FACETS",
     "HEAD_FACET_COUNT",
+    "HEAD_PHOTONS",
 ];
 /// Vertex colours do not multiply the filter of glass.
 pub const VERTEX_COLORS_NONE: u32 = 0;
@@ -159,7 +164,7 @@ pub struct Params {
 /// The constants of programs for exact spheres, as WGSL.
 #[must_use]
 pub fn sphere_constants() -> String {
-    crate::trace::SPHERE_BOUNDS.map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n")).concat()
+    text_of([], crate::trace::SPHERE_BOUNDS)
 }
 
 /// Words before the spheres that focus light: their number, the tangent of half the angle of the light's disc, the place of the flags (one word
@@ -169,6 +174,29 @@ pub const LENS_HEAD: u32 = 9;
 pub const LENS_WORDS: u32 = 9;
 /// Words of a node of the table for an index of refraction.
 pub const NODE_WORDS: u32 = 10;
+
+/// Words of the photons of one target: the place of the photons; the place of the starts of the table's entries; the number of entries; the low and
+/// the high corner of the photons' bounds; the radius of the discs; the number of cells per scene unit; and the kernel's weight at distance 0.
+pub const CLOUD_WORDS: u32 = 12;
+/// Words of a photon.
+const PHOTON_WORDS: u32 = (size_of::<Photon>() / 4) as u32;
+
+/// The constants of programs where glass focuses light, as WGSL.
+#[must_use]
+pub fn focus_constants() -> String {
+    let integers = [
+        ("SHADE_TARGET", SHADE_TARGET),
+        ("CLOUD_WORDS", CLOUD_WORDS),
+        ("PHOTON_WORDS", PHOTON_WORDS),
+        ("OTHER_SIDE", 1 << 31),
+    ];
+    let floats = [
+        ("PHOTON_ALIKE", effects::PHOTON_ALIKE),
+        ("PHOTON_FLAT", effects::PHOTON_FLAT),
+        ("PHOTON_GRAZING", effects::PHOTON_GRAZING),
+    ];
+    text_of(integers, floats)
+}
 
 /// The constants of programs for spheres that focus light, as WGSL.
 #[must_use]
@@ -184,12 +212,20 @@ pub fn lens_constants() -> String {
         ("POINTS", ball::POINTS as u32),
         ("POINTS_AT_AXIS", ball::POINTS_AT_AXIS as u32),
         ("MOST_NEWTON", 40),
-        ("OTHER_SIDE", 1 << 31),
     ];
     let step = FRAC_PI_2 / ball::CELLS as f64;
     let floats = [("STEP", step as f32), ("RIGHT_ANGLE", FRAC_PI_2 as f32), ("LENS_WIDTH", LENS_WIDTH as f32)];
-    let integers = integers.map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).concat();
-    integers + &floats.map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n")).concat()
+    text_of(integers, floats)
+}
+
+/// Constants as WGSL.
+fn text_of<'n>(
+    integers: impl IntoIterator<Item = (&'n str, u32)>,
+    floats: impl IntoIterator<Item = (&'n str, f32)>,
+) -> String {
+    let integers = integers.into_iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n"));
+    // `{:e}` is the shortest text that reads back as the same number.
+    integers.chain(floats.into_iter().map(|(name, value)| format!("const {name}: f32 = {value:e}f;\n"))).collect()
 }
 
 /// The constants of the programs, as WGSL.
@@ -268,13 +304,8 @@ pub fn constants() -> String {
         ("CAUCHY_AT_D", curitiba_pipeline::glass::CAUCHY_AT_D),
         ("SMOOTH_ALPHA", curitiba_pipeline::glass::Dielectric::SMOOTH),
     ];
-    let mut text = String::new();
-    // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
-    for (name, value) in integers.into_iter().chain(HEAD.into_iter().zip(1..)) {
-        _ = writeln!(text, "const {name}: u32 = {value}u;");
-    }
-    for (name, value) in floats.into_iter().chain(gpu_binary::BOUNDS.iter().copied()).chain(gpu_binary::PLANE_TEST) {
-        _ = writeln!(text, "const {name}: f32 = {value:e}f;");
-    }
-    text
+    text_of(
+        integers.into_iter().chain(HEAD.into_iter().zip(1..)),
+        floats.into_iter().chain(gpu_binary::BOUNDS.iter().copied()).chain(gpu_binary::PLANE_TEST),
+    )
 }

@@ -1,4 +1,4 @@
-//! The exact spheres that focus the light of a pass, as programs read them (`programs/light_focused.wgsl`, `focus.wgsl` and `ball.wgsl`).
+//! The exact spheres that focus the light of a pass, as programs read them (`programs/light_focused.wgsl`, `lens.wgsl` and `ball.wgsl`).
 
 use super::layout::{LENS_HEAD, LENS_WORDS, NODE_WORDS};
 use crate::effects::dielectric::{Ball, Lenses, Turned, light_axis, light_blur};
@@ -11,13 +11,14 @@ fn parts(number: f64) -> [f32; 2] {
     [high, (number - f64::from(high)) as f32]
 }
 
-/// The words of a job's lenses, which will lie at `place` in the tables: see [`LENS_HEAD`]. Empty without lenses.
+/// The words of a job's lenses, which will lie at `place` in the tables: see [`LENS_HEAD`]. Without lenses, no points follow the head.
 pub fn words(job: &RayJob<'_>, lenses: &Lenses, place: u32) -> Vec<u32> {
-    let Some((_, ball)) = lenses.iter().next() else { return Vec::new() };
-    let points: Vec<f32> = ball.quadratures().flat_map(|point| point.as_vec2().to_array()).collect();
+    let ball = lenses.balls().first();
+    let points = ball.into_iter().flat_map(Ball::quadratures);
+    let points: Vec<f32> = points.flat_map(|point| point.as_vec2().to_array()).collect();
     let flags_at = place + LENS_HEAD + points.len() as u32 + LENS_WORDS * lenses.iter().count() as u32;
     let nodes_at = flags_at + lenses.by_sphere().len() as u32;
-    let node_words = NODE_WORDS * ball.nodes().len() as u32;
+    let node_words = NODE_WORDS * ball.map_or(0, |ball| ball.nodes().len() as u32);
     let axis = light_axis(job.sun.map_or(Vec3::ZERO, |sun| -sun.direction));
     let [axis, rest] = two_of(axis);
     let blur = (light_blur(job.params.sun) as f32).to_bits();

@@ -12,6 +12,7 @@ mod kernels;
 mod launches;
 mod layout;
 mod lenses;
+mod photons;
 mod programs;
 mod scene;
 mod segments;
@@ -25,7 +26,7 @@ mod tests;
 pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
-use crate::cpu::{FindsLenses, check, may_trace};
+use crate::cpu::{FindsFocused, check, may_trace};
 use crate::effects::dielectric::{Variant, disperses, is_rough};
 use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
@@ -39,6 +40,7 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::mebibytes;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod, Traces};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::InPlace;
@@ -65,10 +67,10 @@ const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
 /// Why a picture is discarded where the driver has left a loop.
 const CUT: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the rays to the discs of lights take more at a \
                    pixel; set sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
-/// As [`CUT`], where spheres focus light.
+/// As [`CUT`], where glass focuses light.
 const CUT_FOCUS: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the light of so many spheres that focus it, \
-                         or the rays to the light's disc, take more at a point; set shadow=straight or sunsamples lower on the pass, use \
-                         --backend cpu, or allow it with --fallback cpu";
+                         so many photons, or the rays to the light's disc, take more at a point; set shadow=straight, or photons or sunsamples \
+                         lower, on the pass, use --backend cpu, or allow it with --fallback cpu";
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
 const CUT_DEPTH: u32 = 2;
@@ -89,8 +91,8 @@ pub struct WgpuRays {
     /// Points of surfaces whose light and occlusion are found by successive kernels.
     points: wgpu::Buffer,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
-    /// The search for spheres that focus light.
-    lenses: FindsLenses,
+    /// The search for the light that glass focuses.
+    focused: FindsFocused,
     /// Number of points for which tests leave room.
     #[cfg(test)]
     room: Option<u32>,
@@ -144,7 +146,7 @@ impl WgpuRays {
             counts,
             counts_staging,
             built: None,
-            lenses: FindsLenses::default(),
+            focused: FindsFocused::default(),
             #[cfg(test)]
             room: None,
             lending: None,
@@ -195,9 +197,13 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let has_levels = self.require_levels(job)?;
-        let lenses = self.lenses.of(NAME, job)?;
-        let tables = Tables::of(job, &lenses, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
-        let (kind, disc_rays) = (Kind::of(job, !lenses.is_empty()), disc_rays(job));
+        let focused = self.focused.of(NAME, job, progress)?;
+        let tables = Tables::of(job, &focused, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
+        self.check_tables(job, &tables)?;
+        let (kind, disc_rays) = (Kind::of(job, !focused.is_empty()), disc_rays(job));
+        let photons = focused.photons.counts;
+        // The tables hold the photons now.
+        drop(focused);
         let mut stages = programs::stages(kind, tables.params.samples).to_vec();
         if kind.variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
             stages.insert(0, Stage::Eye);
@@ -283,14 +289,25 @@ impl WgpuRays {
             None => None,
         };
         let held_bytes = self.images.bytes() + words.size() + self.points.size() + COUNTS_BUFFER_BYTES;
-        Ok(RayStats {
-            rays: self.read_counts(job, if kind.focuses { CUT_FOCUS } else { CUT })?,
-            adaptive: None,
-            upload,
-            read_back,
-            device_time,
-            held_bytes,
-        })
+        let rays = self.read_counts(job, if kind.focuses { CUT_FOCUS } else { CUT })?;
+        Ok(RayStats { rays: RayCounts { photons, ..rays }, adaptive: None, upload, read_back, device_time, held_bytes })
+    }
+
+    /// Refuses tables that the device cannot bind. Only photons make them so large.
+    fn check_tables(&self, job: &RayJob<'_>, tables: &Tables) -> Result<(), BackendError> {
+        let bytes = size_of_val(&tables.words[..]) as u64;
+        let most = self.gpu.limits.max_storage_buffer_binding_size.min(self.gpu.max_buffer_bytes);
+        if bytes <= most {
+            return Ok(());
+        }
+        let why = format!(
+            "its photons take {}, and {} reads {} at once at most; set photons lower on the pass, use --backend cpu, or allow it with \
+             --fallback cpu",
+            mebibytes(bytes),
+            self.gpu.adapter,
+            mebibytes(most)
+        );
+        Err(check::missing(NAME, job, &why))
     }
 
     /// Copies the mip levels of the scene's textures to the device, for the first job that reads textures by ray cones. Returns whether the
@@ -358,7 +375,6 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, true)?;
         check::adaptive(NAME, job)?;
-        check::photons_at_meshes(NAME, job)?;
         Images::check_size(&self.gpu, job)
     }
 
@@ -479,9 +495,13 @@ impl RayBackend for WgpuRays {
         true
     }
 
+    fn shoots_photons(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         // The old scene is released first: memory may not hold both.
-        (self.built, self.lenses) = (None, FindsLenses::new(filtered));
+        (self.built, self.focused) = (None, FindsFocused::new(filtered));
         let buffers = SceneBuffers::new(&self.gpu, scene, filtered, true).map_err(of_rays)?;
         let stats = BuildStats { bytes: buffers.bytes, nodes: buffers.nodes };
         self.built = Some((Arc::clone(scene), buffers));

@@ -40,18 +40,18 @@ pub struct Kind {
     pub lighting: Lighting,
     /// Whether the scene has exact spheres.
     pub spheres: bool,
-    /// Whether some of the spheres focus light.
+    /// Whether glass focuses light: some of the spheres, or meshes at which photons are shot.
     pub focuses: bool,
 }
 
 impl Kind {
-    /// The kind for a job; `focuses` says whether its spheres focus light.
+    /// The kind for a job; `focuses` says whether its glass focuses light.
     pub fn of(job: &RayJob<'_>, focuses: bool) -> Self {
         let spheres = !job.scene.geometry.spheres.is_empty();
         Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres, focuses }
     }
 
-    /// The kind for one kernel: only kernels that compute light depend on whether spheres focus light.
+    /// The kind for one kernel: only kernels that compute light depend on whether glass focuses light.
     pub fn at(self, stage: Stage) -> Self {
         let asks = matches!(stage, Stage::Whole | Stage::List | Stage::Focus | Stage::Sum);
         Self { focuses: self.focuses && asks, ..self }
@@ -69,7 +69,7 @@ pub enum Stage {
     List,
     /// Traces the points' shadow rays.
     Light,
-    /// Finds the light that exact spheres focus on the points.
+    /// Finds the light that glass focuses on the points.
     Focus,
     /// Settles the points' occlusion rays: finds their results from the triangles near each point alone, as far as these suffice.
     Settle,
@@ -87,8 +87,8 @@ pub enum Stage {
 pub const SETTLED_SAMPLES: u32 = 6;
 
 /// The kernels of a program, in order of execution, without [`Stage::Eye`]: it runs first where the camera may be in a body. In two
-/// cases [`Stage::List`] also computes the points' light: with several lights or a disc, all of it; where spheres focus light, only the light that no
-/// sphere focuses.
+/// cases [`Stage::List`] also computes the points' light: with several lights or a disc, all of it; where glass focuses light, only the light that
+/// falls straight.
 pub fn stages(Kind { program, variant, lighting, focuses, .. }: Kind, samples: u32) -> &'static [Stage] {
     if variant == Variant::Panes(Fidelity::Thesis) {
         return &[Stage::Whole];
@@ -168,10 +168,14 @@ const SHADOWS: Text = text!("deferredShadows");
 const LIGHTS_SHARE: [Text; 4] = [text!("light_cosine"), text!("discs"), text!("cut_loops"), text!("lights_share")];
 /// Light that comes straight through glass: its transmittance, and the functions that use it.
 const STRAIGHT: [Text; 2] = [text!("light_straight"), text!("light_from")];
-/// [`STRAIGHT`] where spheres focus light.
+/// [`STRAIGHT`] where glass focuses light.
 const STRAIGHT_OR_FOCUSED: [Text; 2] = [text!("light_straight"), text!("light_focused")];
-/// Light that spheres focus on a surface.
-const FOCUS: [Text; 2] = [text!("ball"), text!("focus")];
+/// Light that glass focuses on a surface; programs add the sources that find it.
+const FOCUS: Text = text!("focus");
+/// The sources that find the light that photons bring.
+const PHOTONS: Text = text!("photons");
+/// The sources that find the light that exact spheres focus.
+const LENSES: [Text; 2] = [text!("ball"), text!("lens")];
 /// The sources of [`LIGHTS_SHARE`] that [`FOCUS`] needs.
 const FOR_FOCUS: [Text; 2] = [text!("light_cosine"), text!("cut_loops")];
 
@@ -180,15 +184,16 @@ const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
 /// The sources of a kernel, which follow the common sources; `None` if the program is not written for this backend.
-fn texts(Kind { program, variant, lighting, focuses, .. }: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+fn texts(kind: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+    let Kind { program, variant, lighting, spheres, focuses } = kind;
     let mut texts = of_panes(program, stage, subgroups)?;
     if focuses {
         let listed = [LIGHT, LIGHT_SHARE, text!("list_focused")];
         let instead = |text: Text| match (text, lighting) {
             (LISTED_LIGHT, Lighting::Sun) => [text!("light_cosine")].into_iter().chain(listed).collect(),
             (LISTED_LIGHT, Lighting::Lights) => listed.to_vec(),
-            (LIGHT_SHARE, Lighting::Sun) => [LIGHT_SHARE].into_iter().chain(FOR_FOCUS).chain(FOCUS).collect(),
-            (LIGHT_SHARE, Lighting::Lights) => [LIGHT_SHARE].into_iter().chain(FOCUS).collect(),
+            (LIGHT_SHARE, Lighting::Sun) => [LIGHT_SHARE].into_iter().chain(FOR_FOCUS).chain([FOCUS]).collect(),
+            (LIGHT_SHARE, Lighting::Lights) => vec![LIGHT_SHARE, FOCUS],
             (text, _) => vec![text],
         };
         texts = texts.into_iter().flat_map(instead).collect();
@@ -214,6 +219,8 @@ fn texts(Kind { program, variant, lighting, focuses, .. }: Kind, stage: Stage, s
         GLASS => vec![text!("bodies"), text!("smooth")],
         LIGHT if focuses => STRAIGHT_OR_FOCUSED.to_vec(),
         LIGHT => STRAIGHT.to_vec(),
+        FOCUS if spheres => [FOCUS, PHOTONS].into_iter().chain(LENSES).collect(),
+        FOCUS => vec![FOCUS, PHOTONS],
         text => vec![text],
     };
     Some(texts.into_iter().flat_map(instead).collect())
@@ -249,8 +256,8 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
             listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, LIGHT_SHARE, text!("final_light")]).collect()
         }
         Stage::Focus => {
-            let light = [text!("optics"), WEIGHTS, LIGHT].into_iter().chain(FOR_FOCUS).chain(FOCUS);
-            listed.into_iter().chain(light).chain([text!("final_focus")]).collect()
+            let light = [text!("optics"), WEIGHTS, LIGHT].into_iter().chain(FOR_FOCUS);
+            listed.into_iter().chain(light).chain([FOCUS, text!("final_focus")]).collect()
         }
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
         Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
@@ -282,7 +289,7 @@ fn of_spheres(source: &str, spheres: bool) -> String {
     with_marked(source, ['⟪', '⟫'], spheres)
 }
 
-/// A source with its parts between ⦃ and ⦄ where spheres focus light; else without them. The marks may lie between those of [`of_spheres`].
+/// A source with its parts between ⦃ and ⦄ where glass focuses light; else without them. The marks may lie between those of [`of_spheres`].
 fn of_focus(source: &str, focuses: bool) -> String {
     with_marked(source, ['⦃', '⦄'], focuses)
 }
@@ -322,6 +329,9 @@ fn functions(
         source.push_str(text!("spheres"));
     }
     if focuses {
+        source.push_str(&layout::focus_constants());
+    }
+    if focuses && spheres {
         source.push_str(&layout::lens_constants());
     }
     source
@@ -356,8 +366,8 @@ pub fn ball(arithmetic: Arithmetic) -> String {
     let variant = Variant::Bodies;
     let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses: true };
     let texts = texts(kind, Stage::Focus, false).expect("it is written");
-    // All sources except those of the kernel and of the lighting of surfaces by bundles.
-    let texts = texts.into_iter().filter(|text| ![text!("focus"), text!("final_focus")].contains(text));
+    // All sources except those of the kernel and of the lighting of surfaces.
+    let texts = texts.into_iter().filter(|text| ![FOCUS, PHOTONS, text!("lens"), text!("final_focus")].contains(text));
     let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass");
     let source = texts.fold(source, |source, text| source + text);
     of_levels(&of_focus(&of_spheres(&source, true), true), TextureLod::Zero)

@@ -1,14 +1,15 @@
 //! The data of a pass in addition to the scene: materials, texture sizes, occlusion points, glass, lights, and tables of weights.
 
 use super::layout::{
-    BODY_HEAD, BODY_WORDS, LARGEST_RANGE, LIGHT_CONE, LIGHT_HEAD, LIGHT_PLACE, LIGHT_WORDS, Params, SHADE_CUT,
-    SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_VERTEX_COLORS, SHADE_WORDS,
-    SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
-    VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    BODY_HEAD, BODY_WORDS, HEAD_PHOTONS, LARGEST_RANGE, LIGHT_CONE, LIGHT_HEAD, LIGHT_PLACE, LIGHT_WORDS, Params,
+    SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_TARGET,
+    SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS,
+    VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
-use super::lenses;
+use super::{lenses, photons};
+use crate::cpu::Focused;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
-use crate::effects::dielectric::{Lenses, facets, spectrum};
+use crate::effects::dielectric::{facets, spectrum};
 use crate::effects::{LightTable, Preparation};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
@@ -26,19 +27,20 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The tables of a job. `lenses` holds the job's spheres that focus light. `has_levels` is whether the textures are on the device with all
+    /// The tables of a job. `focused` is the light that glass focuses in the job. `has_levels` is whether the textures are on the device with all
     /// of their mip levels.
     ///
     /// # Errors
-    /// If the number of samples is not valid; the message says why.
-    pub fn of(job: &RayJob<'_>, lenses: &Lenses, has_levels: bool) -> Result<Self, String> {
+    /// If the number of samples is not valid, or if there is too little memory; the message says why.
+    pub fn of(job: &RayJob<'_>, focused: &Focused, has_levels: bool) -> Result<Self, String> {
+        let Focused { lenses, photons } = focused;
         let Preparation { sampler, open_share, to_light, light_color, disc } = Preparation::of(job)?;
         let (strata, points) = match sampler {
             None => (0, Vec::new()),
             Some(HemisphereSampler::Strata { side }) => (side, Vec::new()),
             Some(HemisphereSampler::Sobol(points)) => (0, points),
         };
-        let mut words = shades(job);
+        let mut words = shades(job, !photons.is_empty());
         let mut part = |more: Vec<u32>| {
             let place = words.len() as u32;
             words.extend(more);
@@ -60,8 +62,11 @@ impl Tables {
             let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
             // Never at 0 or 1, where the materials are.
             let lenses_at = part(Vec::new());
-            part(lenses::words(job, lenses, lenses_at));
-            let light = if lenses.is_empty() { straight.into() } else { lenses_at };
+            let mut light = straight.into();
+            if !focused.is_empty() {
+                part(lenses::words(job, lenses, lenses_at));
+                light = lenses_at;
+            }
             part(bodies(job, light, [strata_at, facets_at]))
         };
         // Never at 0, where the materials are: 0 means no table, for programs of `Lighting::Sun`.
@@ -72,6 +77,11 @@ impl Tables {
             }
             None => 0,
         };
+        // Photons come last: they may be many, and the list does not grow again.
+        if !focused.is_empty() {
+            let photons_at = photons::append(&mut words, photons).map_err(|refused| refused.to_string())?;
+            words[(bodies_at + HEAD_PHOTONS) as usize] = photons_at;
+        }
         let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
         let params = Params {
             eye: job.eye.to_array(),
@@ -123,11 +133,12 @@ fn textures(job: &RayJob<'_>, has_levels: bool) -> Vec<u32> {
     job.scene.textures.iter().flat_map(size).collect()
 }
 
-/// The job's shading data, by material.
-fn shades(job: &RayJob<'_>) -> Vec<u32> {
+/// The job's shading data, by material. `has_photons` is whether the job has photons.
+fn shades(job: &RayJob<'_>, has_photons: bool) -> Vec<u32> {
     let set = |flags: &[bool], material: usize, flag: u32| {
         if flags.get(material).copied().unwrap_or(false) { flag } else { 0 }
     };
+    let stops = |material: usize| has_photons && job.dielectrics.get(material).is_some_and(Dielectric::bends_light);
     let shade = |(material, shade): (usize, &Shade)| -> [u32; SHADE_WORDS as usize] {
         let cutoff = shade.alpha_cutoff.filter(|_| job.fidelity == Fidelity::Corrected);
         let flags = set(job.glass, material, SHADE_GLASS)
@@ -136,6 +147,7 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
             | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 }
             | if shade.glow.is_some() { SHADE_GLOW } else { 0 }
             | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 }
+            | if stops(material) { SHADE_TARGET } else { 0 }
             | if job.scene.materials.get(material).is_some_and(|material| material.sky) { SHADE_SKY } else { 0 };
         let glow = shade.glow.map_or([0; 3], |glow| glow.color.to_array().map(f32::to_bits));
         let glow_texture = shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE);
@@ -211,7 +223,8 @@ fn spectrum_words(job: &RayJob<'_>) -> Vec<u32> {
 }
 
 /// The settings of the pass for paths in glass (`BODY_HEAD`), then the glass of each material: `Body` of `programs/media.wgsl`. `light` is the
-/// first word of the settings. `strata_at` and `facets_at` are the places of the strata of the spectrum and of the points of facets.
+/// first word of the settings. `strata_at` and `facets_at` are the places of the strata of the spectrum and of the points of facets. The place of
+/// the photons ([`HEAD_PHOTONS`]) is left at 0.
 fn bodies(job: &RayJob<'_>, light: u32, [strata_at, facets_at]: [u32; 2]) -> Vec<u32> {
     let RayParams { limits, first, first_path, .. } = &job.params;
     let head: [u32; BODY_HEAD as usize] = [
@@ -226,6 +239,7 @@ fn bodies(job: &RayJob<'_>, light: u32, [strata_at, facets_at]: [u32; 2]) -> Vec
         spectrum(job).len() as u32,
         facets_at,
         facets(job).len() as u32,
+        0,
     ];
     head.into_iter().chain(job.dielectrics.iter().flat_map(|dielectric| body(job, dielectric))).collect()
 }

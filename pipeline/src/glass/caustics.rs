@@ -18,20 +18,14 @@ pub fn caustics(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], pho
 /// Name of the first material whose meshes photons are shot at: solid glass with an index of refraction above 1. `None` if there is none.
 #[must_use]
 pub fn first_target<'s>(scene: &'s RenderScene, dielectrics: &[Dielectric]) -> Option<&'s str> {
-    let bends = |material: usize| {
-        let dielectric = dielectrics.get(material);
-        dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
-    };
+    let bends = |material: usize| dielectrics.get(material).is_some_and(Dielectric::bends_light);
     let mut batches = scene.geometry.batches.iter();
     let batch = batches.find(|batch| batch.count > 0 && bends(batch.material as usize))?;
     Some(scene.materials.get(batch.material as usize).map_or("", |material| material.name.as_str()))
 }
 
 fn of_spheres(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decision {
-    let bends = |sphere: &&Sphere| {
-        let dielectric = dielectrics.get(sphere.material as usize);
-        dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
-    };
+    let bends = |sphere: &&Sphere| dielectrics.get(sphere.material as usize).is_some_and(Dielectric::bends_light);
     let count = spheres.iter().filter(bends).count();
     let why = match count {
         0 => "no exact sphere is a body of glass that bends light: it goes straight on".to_owned(),
@@ -49,7 +43,7 @@ fn of_meshes(pass: &str, scene: &RenderScene, dielectrics: &[Dielectric], photon
         let (built, why) = match dielectric.shape {
             _ if triangles == 0 => continue,
             Shape::Opaque => continue,
-            Shape::Solid if dielectric.index > 1.0 => {
+            Shape::Solid if dielectric.bends_light() => {
                 let why = format!(
                     "its {triangles} triangles are bodies that throw a shadow; the pass shoots {photons} photons at all bodies"
                 );

@@ -134,6 +134,13 @@ impl Dielectric {
     /// Width below which a surface counts as smooth: it scatters light by less than a hundredth of a degree.
     pub const SMOOTH: f32 = 1e-4;
 
+    /// Whether it is a body that bends light: solid, with an index above 1.
+    #[inline]
+    #[must_use]
+    pub fn bends_light(&self) -> bool {
+        self.shape == Shape::Solid && self.index > 1.0
+    }
+
     /// The index for a wavelength in nanometres, at least 1: `n + spread (523655 / λ² - 1.5168)` (glTF `KHR_materials_dispersion`,
     /// which is Cauchy's A + B / λ²).
     #[inline]

@@ -37,7 +37,9 @@ impl Plan {
                 0 => "they bring the light that meshes focus: they count with glass=auto and shadow=caustic".to_owned(),
                 _ => {
                     let bytes = mebibytes(PHOTON_BYTES * u64::from(photons));
-                    format!("{photons} are shot at the bodies of solid meshes; on the cpu they hold up to {bytes}")
+                    format!(
+                        "{photons} are shot by the processor at the bodies of solid meshes; they hold up to {bytes}"
+                    )
                 }
             };
             decisions.push((what, photons > 0, why));

@@ -42,7 +42,7 @@ impl Lenses {
     pub fn of(geometry: &Geometry, dielectrics: &[Dielectric], in_body: impl Fn(Vec3) -> bool) -> Result<Self, String> {
         let first = geometry.triangles.len() as u32;
         let is_body = |material: u32| dielectrics[material as usize].shape == Shape::Solid;
-        let bends = |material: u32| is_body(material) && dielectrics[material as usize].index > 1.0;
+        let bends = |material: u32| dielectrics[material as usize].bends_light();
         let count = geometry.spheres.iter().filter(|sphere| bends(sphere.material)).count();
         if count > MOST_LENSES {
             return Err(format!(

@@ -11,6 +11,7 @@
 //!
 //! Photons are found by a table of cells. They are sorted by cell and number, so that sums have the same order whichever thread shot a photon.
 
+use bytemuck::{Pod, Zeroable};
 use curitiba_pipeline::backend::PhotonCounts;
 use curitiba_pipeline::memory::{Refused, zeroed};
 use curitiba_pipeline::programs::PHOTON_BYTES;
@@ -18,16 +19,17 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 /// Least cosine between the normals at a point and at a photon for which both count as on the same surface.
-const ALIKE: f32 = 0.7;
+pub const ALIKE: f32 = 0.7;
 
 /// Greatest distance of a photon from the tangent plane of a point, as a share of the radius.
-const FLAT: f32 = 0.3;
+pub const FLAT: f32 = 0.3;
 
 /// Radius of the discs for one photon, as a share of the target's radius: for a million photons the share is 0.015.
 const SPREAD: f64 = 0.15;
 
-/// A photon on a surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A photon on a surface. Device programs read it word by word.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Photon {
     /// Where it landed, world.
     pub position: Vec3,
@@ -115,9 +117,41 @@ impl Cloud {
         Ok(cloud)
     }
 
+    /// The photons, sorted by cell and number.
+    #[must_use]
+    pub fn photons(&self) -> &[Photon] {
+        &self.photons
+    }
+
+    /// For each entry of the table of cells the index of its first photon, and at the end the number of photons. The number of entries is a power
+    /// of two.
+    #[must_use]
+    pub fn starts(&self) -> &[u32] {
+        &self.starts
+    }
+
+    /// Low and high corner of the photons' bounds.
+    #[must_use]
+    pub fn bounds(&self) -> [Vec3; 2] {
+        [self.low, self.high]
+    }
+
+    /// Radius of the discs.
+    #[must_use]
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
     /// Number of cells per scene unit. Cells are as wide as a disc, so a disc touches at most two of them along each axis.
-    fn cells_a_unit(&self) -> f32 {
+    #[must_use]
+    pub fn cells_a_unit(&self) -> f32 {
         0.5 / self.radius
+    }
+
+    /// The kernel's weight at distance 0, in 1 / area.
+    #[must_use]
+    pub fn greatest_weight(&self) -> f32 {
+        2.0 / (std::f32::consts::PI * self.radius * self.radius)
     }
 
     /// Calls `each` with every photon that landed near a point on the side of a surface with this unit normal, and with the kernel's weight there,
@@ -127,7 +161,7 @@ impl Cloud {
         if point.cmplt(self.low - radius).any() || point.cmpgt(self.high + radius).any() {
             return;
         }
-        let (square, whole) = (radius * radius, 2.0 / (std::f32::consts::PI * radius * radius));
+        let (square, whole) = (radius * radius, self.greatest_weight());
         let side = self.cells_a_unit();
         let [low, high] = [point - radius, point + radius].map(|corner| (corner * side).floor().as_ivec3());
         // Two cells may share an entry of the table; its photons count once.
@@ -175,6 +209,12 @@ impl PhotonMap {
     #[must_use]
     pub fn new(clouds: Vec<Cloud>, counts: PhotonCounts) -> Self {
         Self { clouds, counts }
+    }
+
+    /// The photons of each target.
+    #[must_use]
+    pub fn clouds(&self) -> &[Cloud] {
+        &self.clouds
     }
 
     /// Whether no photons were shot.

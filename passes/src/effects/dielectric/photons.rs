@@ -39,7 +39,7 @@ const PART: usize = 1 << 12;
 
 /// The irradiance across a photon's direction is its power divided by its cosine at the surface. This is the lower bound of that cosine: without
 /// it, the irradiance would have no upper bound.
-const GRAZING: f32 = 0.05;
+pub const GRAZING: f32 = 0.05;
 
 /// How the path of a photon ends.
 enum End {

@@ -38,7 +38,7 @@ impl Targets {
     #[must_use]
     pub fn of(geometry: &Geometry, dielectrics: &[Dielectric], along: DVec3, is_disc: bool) -> Self {
         let solid = |material: u32| dielectrics.get(material as usize).filter(|glass| glass.shape == Shape::Solid);
-        let bends = |material: u32| solid(material).is_some_and(|glass| glass.index > 1.0);
+        let bends = |material: u32| dielectrics.get(material as usize).is_some_and(Dielectric::bends_light);
         let mut bounds: Vec<Bounds> = Vec::new();
         // Triangles with the parts that they belong to.
         let mut parts: Vec<(u32, usize)> = Vec::new();

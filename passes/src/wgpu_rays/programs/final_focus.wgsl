@@ -1,4 +1,4 @@
-// Multiplies the colours of points by the share of light that comes straight, plus the light that exact spheres focus on them.
+// Multiplies the colours of points by the share of light that comes straight, plus the light that glass focuses on them.
 @compute @workgroup_size(64)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) thread: u32) {
     let place = group.y * groups.x + group.x;

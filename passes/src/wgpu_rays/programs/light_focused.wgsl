@@ -1,7 +1,7 @@
-// Light that passes straight through glass, except through the spheres that focus it: these stop straight light (`shadow.rs`, `Pass::focuses`).
-// Replaces `light_from.wgsl`.
+// Light that passes straight through glass, except through glass that focuses it: spheres that focus light, and meshes whose light photons carry,
+// stop straight light (`shadow.rs`, `Pass::focuses`). Replaces `light_from.wgsl`.
 
-// The place in the tables of the spheres that focus light (`lenses.rs` of this backend).
+⟪// The place in the tables of the spheres that focus light (`lenses.rs` of this backend).
 fn lenses_at() -> u32 { return tables[params.bodies_at]; }
 
 // The origin of the ray to the light, and the sphere that the ray ignores; NONE if it ignores none.
@@ -16,18 +16,18 @@ fn focuses(id: u32) -> bool {
     return dot3(apart, apart) > sphere.radius * sphere.radius;
 }
 
-// By colour, the share of the light that comes straight to the origin of a shadow ray, ignoring the sphere `without`.
-fn straight_along(origin: vec3f, without: u32) -> vec3f {
+⟫// By colour, the share of the light that comes straight to the origin of a shadow ray. In scenes with spheres, the ray ignores the sphere `without`.
+fn straight_along(origin: vec3f⟪, without: u32⟫) -> vec3f {
     count(SHADOW);
     crossings_stored = 0u;
     crossings_beyond = 0u;
-    line_origin = origin;
+⟪    line_origin = origin;
     left_out = without;
-    let is_blocked = occluded(ACCEPT_COUNTS, Ray(origin, to_light(), 0.0, light_end()));
-    left_out = NONE;
-    if is_blocked { return vec3f(0.0); }
-    return straight_through(origin);
+⟫    let is_blocked = occluded(ACCEPT_COUNTS, Ray(origin, to_light(), 0.0, light_end()));
+⟪    left_out = NONE;
+⟫    if is_blocked { return vec3f(0.0); }
+    return straight_through(⟪origin⟫);
 }
 
 // The share of the light that reaches the origin of a shadow ray.
-fn light_from(origin: vec3f) -> vec3f { return in_shadow() + (1.0 - in_shadow()) * straight_along(origin, NONE); }
+fn light_from(origin: vec3f) -> vec3f { return in_shadow() + (1.0 - in_shadow()) * straight_along(origin⟪, NONE⟫); }

@@ -1,4 +1,4 @@
-// For lights that are discs: from now on, shadow rays follow a segment on which focused light comes.
+// For lights that are discs: from now on, shadow rays follow a segment on which light comes that exact spheres focus.
 fn look_along(direction: vec3f, length: f32) {
     light_direction = direction;
     light_length = length;

@@ -1,5 +1,5 @@
 // Stores a point with its colour. Vector 4 gets the share of the light that comes straight, and the cosine with the light. Vector 5 gets the
-// position and the triangle, until a later kernel finds the light that spheres focus.
+// position and the triangle, until a later kernel finds the light that glass focuses.
 fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
     put_point(place, surface, false, key, weight, color);
     if all(color == vec3f(0.0)) { return; }

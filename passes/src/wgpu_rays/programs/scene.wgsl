@@ -1,6 +1,7 @@
 // What rays hit: rays, hits, vertex attributes, textures, materials, and cut-outs.
 //
-// What stands between ⟨ and ⟩, here and in other texts, is there for ray cones only (`ray_cones.wgsl`).
+// What stands between ⟨ and ⟩, here and in other texts, is there for ray cones only (`ray_cones.wgsl`); what stands between ⦃ and ⦄ is there only
+// where glass focuses light (`focus.wgsl`).
 
 // Hits have t_min < t < t_max.
 struct Ray { origin: vec3f, direction: vec3f, t_min: f32, t_max: f32 }
@@ -122,7 +123,9 @@ fn flags_of(triangle: u32) -> u32 { return tables[SHADE_WORDS * mesh_at(params.m
 fn is_glass(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_GLASS) != 0u; }
 fn is_sky(triangle: u32) -> bool { return ⟪!is_sphere(triangle) && ⟫(flags_of(triangle) & SHADE_SKY) != 0u; }
 fn passes_light(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SHADOW_GLASS) != 0u; }
-// Whether there is a surface at this point of the triangle, that is, no cut-out.
+⦃// Whether photons carry the light that meets a triangle, so that the light does not go straight on (`targets.rs`).
+fn is_target(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_TARGET) != 0u; }
+⦄// Whether there is a surface at this point of the triangle, that is, no cut-out.
 fn covers(hit: Hit) -> bool {
     if params.cut == 0u { return true; }
     let shade = shade_of(hit.triangle);
@@ -205,10 +208,10 @@ const ACCEPT_ALL: u32 = 0u;     // every hit
 const ACCEPT_COVERED: u32 = 1u; // hits where the triangle is not cut out
 const ACCEPT_STOPS: u32 = 2u;   // covered hits, except on glass that shadow rays pass
 const ACCEPT_OPAQUE: u32 = 3u;  // hits except on glass that shadow rays pass (thesis: nothing is cut out)
-const ACCEPT_COUNTS: u32 = 4u;  // as ACCEPT_STOPS; the covered glass on the way is counted
+const ACCEPT_COUNTS: u32 = 4u;  // as ACCEPT_STOPS⦃, and glass that focuses light⦄; the covered glass on the way is counted
 
 fn accepts(accept: u32, hit: Hit) -> bool {
-    if accept == ACCEPT_ALL { return true; }
+    if accept == ACCEPT_ALL⦃ || (accept == ACCEPT_COUNTS && is_target(hit.triangle))⦄ { return true; }
     let passes = accept != ACCEPT_COVERED && passes_light(hit.triangle);
     if accept == ACCEPT_OPAQUE { return !passes; }
     // Drivers inline every call of a function, so coverage is tested in one place.

@@ -1,5 +1,5 @@
-// One directional light that is a point, as in `sun.wgsl`, and the segments on which focused light comes: shadow rays then follow the segment.
-// Replaces `sun.wgsl` where exact spheres focus light.
+// One directional light that is a point, as in `sun.wgsl`, and the segments on which light comes that exact spheres focus: shadow rays then follow
+// the segment. Replaces `sun.wgsl` where glass focuses light.
 var<private> is_segment: bool;
 var<private> segment_direction: vec3f;
 var<private> segment_length: f32;

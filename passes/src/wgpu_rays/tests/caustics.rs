@@ -1,14 +1,15 @@
-//! Light that exact spheres focus, in pictures: closed forms, and the processor's pictures.
+//! Light that exact spheres and photons bring to surfaces, in pictures: closed forms, and the processor's pictures.
 
-use super::glass::{FEW, auto, both, picture_on, solid};
+use super::glass::{FEW, auto, block, both, picture_on, shot, solid};
 use super::pictures::differing;
 use super::{picture, rays_in_turn};
 use crate::cpu::CpuRays;
 use crate::effects::dielectric::ball::Turned;
+use crate::effects::tests::terminator;
 use crate::effects::tests::world::{Shot, World};
+use crate::wgpu_rays::CUT_FOCUS;
 use crate::wgpu_rays::layout::{COUNT_BYTES, COUNTS_BUFFER_BYTES};
-use crate::wgpu_rays::{CUT_FOCUS, WgpuRays};
-use curitiba_pipeline::backend::{RayBackend, RayJob, Sun};
+use curitiba_pipeline::backend::{PhotonCounts, RayBackend, RayCounts, RayJob, Sun};
 use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
@@ -149,12 +150,8 @@ fn spheres() -> World {
     world.sphere(blue, Vec3::new(2.4, 1.4, 0.0), 0.4);
     let air = world.dielectric(solid(1.0));
     world.sphere(air, Vec3::new(-2.0, 1.2, 0.0), 0.5);
-    let block = world.dielectric(Dielectric { priority: 1, ..solid(1.2) });
-    for (x, y, z) in [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)] {
-        for side in [1.0, -1.0] {
-            world.quad(block, Vec3::new(0.2, 1.3, 0.0) + z * 0.5 * side, x * 0.5 * side, y * 0.5);
-        }
-    }
+    let around = world.dielectric(Dielectric { priority: 1, ..solid(1.2) });
+    block(&mut world, around, Vec3::new(0.2, 1.3, 0.0), Vec3::splat(0.5));
     let bead = world.dielectric(solid(1.8));
     world.sphere(bead, Vec3::new(0.2, 1.3, 0.0), 0.3);
     let wall = Dielectric { shape: Shape::Thin, thickness: 0.1, filter: Vec3::new(0.9, 0.3, 0.2), ..solid(1.5) };
@@ -188,68 +185,146 @@ fn focused_light_falls_where_the_processors_does() {
 #[test]
 fn pixels_whose_points_do_not_fit_have_the_same_light() {
     let Some(mut rays) = rays_in_turn() else { return };
-    if super::selftest::cuts_loops(&rays.gpu).expect("tried") {
-        return eprintln!(
-            "skipped: one thread finds the light of several points, for which this driver leaves loops and says so"
-        );
+    let cuts = super::selftest::cuts_loops(&rays.gpu).expect("tried");
+    for (world, params) in [(spheres(), auto(2, GlassShadow::Caustic, 0)), (meshes(), photons(0))] {
+        if cuts && params.photons == 0 {
+            eprintln!(
+                "skipped: one thread finds the light of several points, for which this driver leaves loops and says so"
+            );
+            continue;
+        }
+        let (expected, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
+        // Room for one point of each pixel and a few seen through glass.
+        rays.room = Some(64 * 64 + 10);
+        let (found, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
+        rays.room = None;
+        assert_eq!(differing(&found, &expected, 1e-3), 0);
+        // There was one launch. The number of its points lies behind the ray counts.
+        let mut listed = 0;
+        let mut encoder = rays.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
+        encoder.copy_buffer_to_buffer(&rays.counts, 0, &rays.counts_staging, 0, COUNTS_BUFFER_BYTES);
+        let finished = Some(encoder.finish());
+        let read = rays.gpu.read_mapped(&rays.counts_staging, COUNTS_BUFFER_BYTES, finished, "reading", |bytes| {
+            listed = bytemuck::cast_slice::<u8, u32>(bytes)[COUNT_BYTES as usize / 4];
+        });
+        read.expect("read");
+        assert!(listed > 64 * 64 + 100, "control: {listed} points, and all fit");
     }
-    let world = spheres();
-    let params = auto(2, GlassShadow::Caustic, 0);
-    let (expected, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
-    // Room for one point of each pixel and a few seen through glass.
-    rays.room = Some(64 * 64 + 10);
-    let (found, _) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
-    rays.room = None;
-    assert_eq!(differing(&found, &expected, 1e-3), 0);
-    // There was one launch. The number of its points lies behind the ray counts.
-    let mut listed = 0;
-    let mut encoder = rays.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
-    encoder.copy_buffer_to_buffer(&rays.counts, 0, &rays.counts_staging, 0, COUNTS_BUFFER_BYTES);
-    let finished = Some(encoder.finish());
-    let read = rays.gpu.read_mapped(&rays.counts_staging, COUNTS_BUFFER_BYTES, finished, "reading", |bytes| {
-        listed = bytemuck::cast_slice::<u8, u32>(bytes)[COUNT_BYTES as usize / 4];
-    });
-    read.expect("read");
-    assert!(listed > 64 * 64 + 100, "control: {listed} points, and all fit");
 }
 
-#[test]
-fn spheres_that_focus_nothing_have_the_programs_of_straight_light() {
+/// Checks that with `shadow=caustic` a pass has the picture, the rays and the programs of `shadow=straight`.
+fn has_straight_light(world: &World, photons: u32) {
     let Some(mut rays) = rays_in_turn() else { return };
-    let mut world = World::lit_along(Vec3::new(0.3, 0.2, -1.0));
-    let air = world.dielectric(solid(1.0));
-    world.sphere(air, Vec3::Z * 2.0, 1.0);
-    let ground = world.paint(Vec3::ONE);
-    world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
     // Drops the launch sizes of other tests, whose keys are the kinds of the kernels that ran.
     rays.sizes.clear();
-    let [caustic, straight] = [GlassShadow::Caustic, GlassShadow::Straight]
-        .map(|shadow| picture_on(&mut *rays, &world, EYE, RayProgram::Final, auto(2, shadow, 0)).0);
-    assert!(super::bits(&caustic) == super::bits(&straight));
+    let [caustic, straight] = [GlassShadow::Caustic, GlassShadow::Straight].map(|shadow| {
+        let params = RayParams { photons, ..auto(2, shadow, 0) };
+        picture_on(&mut *rays, world, EYE, RayProgram::Final, params)
+    });
+    assert!(super::bits(&caustic.0) == super::bits(&straight.0) && caustic.1.rays == straight.1.rays);
     let kinds: Vec<_> = rays.sizes.keys().map(|(kind, _)| kind).collect();
     assert!(!kinds.is_empty() && kinds.iter().all(|kind| !kind.focuses), "{kinds:?}");
 }
 
 #[test]
-fn photons_at_meshes_are_refused_by_name_and_spheres_alone_are_not() {
+fn spheres_that_focus_nothing_have_the_programs_of_straight_light() {
+    let mut world = World::lit_along(Vec3::new(0.3, 0.2, -1.0));
+    let air = world.dielectric(solid(1.0));
+    world.sphere(air, Vec3::Z * 2.0, 1.0);
+    let ground = world.paint(Vec3::ONE);
+    world.quad(ground, Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0);
+    // Photons are shot at no sphere.
+    for photons in [0, 5000] {
+        has_straight_light(&world, photons);
+    }
+}
+
+#[test]
+fn meshes_without_photons_have_the_programs_of_straight_light() {
+    has_straight_light(&meshes(), 0);
+}
+
+/// Settings for a pass that shoots photons.
+fn photons(samples: u32) -> RayParams {
+    RayParams { photons: 20_000, ..auto(2, GlassShadow::Caustic, samples) }
+}
+
+/// A ball of triangles.
+fn ball(world: &mut World, material: u32, center: Vec3, radius: f32) {
+    let unit = terminator::sphere(16, true).scene.geometry;
+    for triangle in &unit.triangles {
+        let corners = triangle.map(|corner| unit.positions[corner as usize]);
+        world.triangle(material, corners.map(|corner| center + radius * corner), corners);
+    }
+}
+
+/// Bodies of triangles over a floor and before a wall: a clear ball, a block that absorbs, a clear block, and a block of index 1, at which no photons
+/// are shot.
+pub(super) fn meshes() -> World {
+    let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.25, -0.8, -0.5)) };
+    let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
+    world.quad(floor, Vec3::new(0.0, -1.7, 0.0), Vec3::Z * 9.0, Vec3::X * 9.0);
+    world.quad(floor, Vec3::new(0.0, 0.0, -2.0), Vec3::X * 9.0, Vec3::Y * 9.0);
+    let clear = world.dielectric(solid(1.5));
+    ball(&mut world, clear, Vec3::new(-0.9, -0.4, 0.6), 0.8);
+    let blue = world.dielectric(Dielectric { extinction: Vec3::new(1.2, 0.5, 0.1), veil: 0.1, ..solid(1.33) });
+    block(&mut world, blue, Vec3::new(1.2, -0.7, 0.3), Vec3::new(0.6, 0.5, 0.4));
+    let flint = world.dielectric(solid(1.7));
+    block(&mut world, flint, Vec3::new(1.5, 1.3, 0.4), Vec3::new(0.5, 0.3, 0.4));
+    let air = world.dielectric(solid(1.0));
+    block(&mut world, air, Vec3::new(-1.9, 1.2, 0.0), Vec3::splat(0.4));
+    world
+}
+
+/// [`meshes`] with an exact sphere that focuses light, and one that does not since it lies in the ball.
+fn meshes_and_spheres() -> World {
+    let mut world = meshes();
+    let clear = world.dielectric(solid(1.5));
+    world.sphere(clear, Vec3::new(0.2, 0.5, 0.5), 0.5);
+    let bubble = world.dielectric(Dielectric { priority: 1, ..solid(1.2) });
+    world.sphere(bubble, Vec3::new(-0.9, -0.3, 0.6), 0.3);
+    world
+}
+
+#[test]
+fn photons_light_what_they_light_on_the_processor() {
     let Some(mut rays) = rays_in_turn() else { return };
-    assert!(!rays.shoots_photons() && CpuRays::new().shoots_photons());
-    let params = RayParams { photons: 5000, ..auto(2, GlassShadow::Caustic, 0) };
-    let run = |rays: &mut WgpuRays, world: &World, params: RayParams| {
-        let shot = Shot::of(world, EYE, [Vec3::ZERO]);
-        let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
-        let job = RayJob { scene: &scene, ..shot.job(RayProgram::Final, Fidelity::Corrected, params) };
-        rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
-        let mut output = curitiba_pipeline::image::Image::filled(1, 1, [0.0; 4]);
-        rays.run(&job, &mut output, &super::Progress::default()).map(|_| ())
-    };
-    let refused = run(&mut rays, &spheres(), params).expect_err("there is a block").to_string();
-    assert!(
-        refused.contains("photons=5000") && refused.contains("material `") && refused.contains("photons=0"),
-        "{refused}"
-    );
-    assert!(run(&mut rays, &above_a_floor(1.5, 2.0), params).is_ok(), "no mesh is shot at");
-    assert!(run(&mut rays, &spheres(), RayParams { photons: 0, ..params }).is_ok());
+    assert!(rays.shoots_photons());
+    // Bodies of triangles alone; beside spheres of which one focuses light, and of which none does; and under a disc. Without occlusion, with few
+    // occlusion rays, and with so many that they are settled.
+    let mut bubble = meshes_and_spheres();
+    bubble.scene.geometry.spheres.remove(0);
+    let soft = RayParams { sun: 1.5, sun_samples: 4, ..photons(2) };
+    for (world, params) in [
+        (meshes(), photons(0)),
+        (meshes(), photons(9)),
+        (meshes_and_spheres(), photons(0)),
+        (bubble, photons(0)),
+        (meshes(), soft),
+    ] {
+        let (found, mine) = picture_on(&mut *rays, &world, EYE, RayProgram::Final, params);
+        let mut cpu = CpuRays::new();
+        let (expected, theirs) = picture_on(&mut cpu, &world, EYE, RayProgram::Final, params);
+        let (without, _) = picture_on(&mut cpu, &world, EYE, RayProgram::Final, RayParams { photons: 0, ..params });
+        let (mine, theirs) = (mine.rays, theirs.rays);
+        let is_glass: Vec<bool> = shot(&world, EYE).color.iter().map(|color| *color == [1.0, 0.0, 1.0, 0.0]).collect();
+        let changed = [true, false].map(|glass| {
+            let of = |pixels: &[[f32; 4]]| -> Vec<[f32; 4]> {
+                pixels.iter().zip(&is_glass).filter(|(_, is)| **is == glass).map(|(pixel, _)| *pixel).collect()
+            };
+            differing(&of(&without), &of(&expected), 0.01)
+        });
+        let off = differing(&found, &expected, 0.01);
+        println!("{off} pixels are off; photons change {changed:?}, through glass and beside it; {mine:?} {theirs:?}");
+        assert!(off <= FEW, "{params:?}: {off} pixels are off");
+        assert!(changed[0] > 3 * FEW && changed[1] > 8 * FEW, "{changed:?} pixels show photons");
+        let PhotonCounts { shot, landed, .. } = mine.photons;
+        assert!(mine.photons == theirs.photons && shot == 20_000 && landed > 2000, "{mine:?} {theirs:?}");
+        // The processor traces a second ray from surfaces whose light passes glass.
+        assert!(mine.shadow.abs_diff(theirs.shadow) <= theirs.shadow / 20, "{mine:?} {theirs:?}");
+        let paths = |rays: RayCounts| rays.reflected + rays.refracted;
+        assert!(paths(mine).abs_diff(paths(theirs)) <= paths(theirs) / 100 + 2, "{mine:?} {theirs:?}");
+    }
 }
 
 /// On a driver that leaves loops, most of the light of a thousand spheres would be missing without an error.

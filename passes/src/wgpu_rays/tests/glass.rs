@@ -27,7 +27,7 @@ pub(super) fn solid(index: f32) -> Dielectric {
 }
 
 /// A box with six outward faces.
-fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
+pub(super) fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
     for (x, y, z) in [(Vec3::X, Vec3::Y, Vec3::Z), (Vec3::Y, Vec3::Z, Vec3::X), (Vec3::Z, Vec3::X, Vec3::Y)] {
         for side in [1.0, -1.0] {
             world.quad(material, center + z * half * side, x * half * side, y * half);
@@ -109,13 +109,17 @@ pub(super) fn picture_on(
     program: RayProgram,
     params: RayParams,
 ) -> (Vec<[f32; 4]>, RayStats) {
-    let targets = grid(SIDE, eye - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2);
-    let shot = Shot::of(world, eye, targets).rows(SIDE);
+    let shot = shot(world, eye);
     // A job identifies its scene by address.
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
     let job = RayJob { scene: &scene, ..shot.job(program, Fidelity::Corrected, params) };
     rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
     picture(rays, &job)
+}
+
+/// The G-buffer of [`picture_on`].
+pub(super) fn shot(world: &World, eye: Vec3) -> Shot<'_> {
+    Shot::of(world, eye, grid(SIDE, eye - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2)).rows(SIDE)
 }
 
 pub(super) fn auto(depth: u32, shadow: GlassShadow, samples: u32) -> RayParams {

@@ -1,5 +1,7 @@
 //! Scenes and pictures that exceed a device's limits, other jobs that are refused, and devices that fail.
 
+use super::caustics::meshes;
+use super::glass::auto;
 use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
@@ -8,10 +10,11 @@ use crate::raster::gpu::RAY_BUFFERS;
 use crate::raster::gpu::device::Gpu;
 use crate::wgpu_rays::programs::Kind;
 use crate::wgpu_rays::split::Split;
-use crate::wgpu_rays::{WgpuRays, selftest};
+use crate::wgpu_rays::tables::Tables;
+use crate::wgpu_rays::{NAME, WgpuRays, selftest};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayJob};
 use curitiba_pipeline::executor::{Engines, Fallback, Observer, Progress, Renderer, Silent, Spare, StepKind};
-use curitiba_pipeline::glass::GlassRule;
+use curitiba_pipeline::glass::{GlassRule, GlassShadow};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
@@ -132,6 +135,28 @@ fn more_rays_to_a_disc_than_a_driver_takes_in_one_loop_are_refused() {
         assert!(message.contains("set sunsamples lower"), "{message}");
         assert!(bits(&picture(rays, &few).0) == bits(&soft), "it goes on");
     });
+}
+
+#[test]
+fn more_photons_than_the_device_binds_are_refused() {
+    let Some(mut rays) = rays() else { return };
+    let world = meshes();
+    let shot = Shot::of(&world, Vec3::Z * 7.0, [Vec3::NEG_Y]);
+    let scene = Arc::new(world.scene.clone());
+    let job = |photons| {
+        let params = RayParams { photons, ..auto(2, GlassShadow::Caustic, 0) };
+        RayJob { scene: &scene, ..shot.job(RayProgram::Final, Fidelity::Corrected, params) }
+    };
+    rays.build(&scene, &vec![true; scene.materials.len()]).expect("it fits");
+    alone(&mut rays).limits.max_storage_buffer_binding_size = 1 << 20;
+    let message = failure(&mut rays, &job(60_000)).to_string();
+    for part in ["its photons take", "reads 1.0 MiB at once", "set photons lower", "--backend cpu"] {
+        assert!(message.contains(part), "{message}");
+    }
+    let fewer = job(6000);
+    let focused = rays.focused.of(NAME, &fewer, &Progress::default()).expect("they are shot");
+    let tables = Tables::of(&fewer, &focused, false).expect("complete");
+    assert!(rays.check_tables(&fewer, &tables).is_ok(), "control");
 }
 
 #[test]

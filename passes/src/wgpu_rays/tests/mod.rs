@@ -9,6 +9,7 @@ mod glass;
 mod leaks;
 mod lights;
 mod limits;
+mod photons;
 mod pictures;
 mod sphere_functions;
 mod sphere_glass;

@@ -82,10 +82,10 @@ fn every_text() -> HashMap<String, String> {
             }
         }
     }
-    // Where spheres focus light.
-    for variant in [Variant::Bodies, Variant::Ways] {
+    // Where glass focuses light.
+    for (variant, spheres) in [Variant::Bodies, Variant::Ways].into_iter().flat_map(|it| [(it, true), (it, false)]) {
         for lighting in [Lighting::Sun, Lighting::Lights] {
-            let kind = Kind { program: RayProgram::Final, variant, lighting, spheres: true, focuses: true };
+            let kind = Kind { program: RayProgram::Final, variant, lighting, spheres, focuses: true };
             for stage in
                 [100, 1, 0].into_iter().flat_map(|samples| stages(kind, samples)).chain([&Stage::Whole, &Stage::Eye])
             {
@@ -247,8 +247,9 @@ fn programs_of_scenes_without_spheres_have_no_word_of_them() {
 }
 
 #[test]
-fn programs_where_no_sphere_focuses_light_have_no_word_of_it() {
-    let words = ["focus", "lens", "left_out", "segment", "struct Turned", "⦃", "⦄"];
+fn programs_where_no_glass_focuses_light_have_no_word_of_it() {
+    let of_spheres = ["lens", "left_out", "struct Turned"];
+    let words = [&["focus", "is_target", "light_of_photons", "segment", "⦃", "⦄"], &of_spheres[..]].concat();
     let code = |text: &str| text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<String>();
     let (mut with, mut without) = (0, 0);
     for (kernel, text) in &every_text() {
@@ -256,16 +257,20 @@ fn programs_where_no_sphere_focuses_light_have_no_word_of_it() {
         let says = words.iter().any(|word| code.contains(word));
         let knows = [" Whole ", " List ", " Focus ", " Sum "].iter().any(|stage| kernel.contains(stage));
         assert_eq!(says, knows && kernel.contains("focuses: true"), "{kernel}");
+        let says_of_spheres = of_spheres.iter().any(|word| code.contains(word));
+        assert_eq!(says_of_spheres, says && kernel.contains("spheres: true"), "{kernel}");
         *if says { &mut with } else { &mut without } += 1;
     }
     assert!(with >= 30 && without >= 200, "{with} {without}");
-    // Kernels that compute no light are the same as in any scene with spheres.
+    // Kernels that compute no light are the same as in any scene.
     let variant = Variant::Bodies;
-    let of = |focuses| {
-        let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses };
+    let of = |focuses, spheres| {
+        let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres, focuses };
         let text = |stage| source(kind, stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
         [Stage::Eye, Stage::Settle, Stage::Trace, Stage::Sum].map(text)
     };
-    let (mine, others) = (of(true), of(false));
-    assert!(mine[..3] == others[..3] && mine[3] != others[3]);
+    for spheres in [true, false] {
+        let (mine, others) = (of(true, spheres), of(false, spheres));
+        assert!(mine[..3] == others[..3] && mine[3] != others[3]);
+    }
 }

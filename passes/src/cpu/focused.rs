@@ -1,53 +1,86 @@
-//! Finds the exact spheres that focus light, for device programs.
+//! Finds the light that glass focuses, for device programs.
 
 use super::{Structure, check, new_pass};
 use crate::effects::AlphaTested;
-use crate::effects::dielectric::{Lenses, Variant, asks_for_lenses};
+use crate::effects::dielectric::{Lenses, PhotonMap, Variant, asks_for_lenses};
 use crate::trace::{Erased, WithSpheres};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::{Dielectric, Shape};
-use curitiba_pipeline::programs::RayParams;
+use curitiba_pipeline::glass::{Dielectric, Shape, first_target};
+use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::Geometry;
 
-/// Finds the spheres that focus light in a scene. A sphere inside another body does not focus light. Whether a sphere lies in a body of triangles
-/// is found by tracing in the processor's tree. The tree is built for the first job that needs it.
+/// The light that glass focuses in a pass.
+#[derive(Debug, Default)]
+pub struct Focused {
+    /// The exact spheres that focus light.
+    pub lenses: Lenses,
+    /// The photons that glass meshes have sent to surfaces.
+    pub photons: PhotonMap,
+}
+
+impl Focused {
+    /// Whether no glass focuses light.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lenses.is_empty() && self.photons.is_empty()
+    }
+}
+
+/// Finds the spheres that focus light in a scene, and shoots photons at its glass meshes, on the processor. Photons are traced in the processor's
+/// tree, and so is whether a sphere lies in a body of triangles: such a sphere does not focus light. The tree is built for the first job that needs
+/// it.
 #[derive(Default)]
-pub struct FindsLenses {
+pub struct FindsFocused {
     filtered: Vec<bool>,
     structure: Option<Structure>,
 }
 
-impl std::fmt::Debug for FindsLenses {
+impl std::fmt::Debug for FindsFocused {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("FindsLenses").field("has_structure", &self.structure.is_some()).finish()
+        f.debug_struct("FindsFocused").field("has_structure", &self.structure.is_some()).finish()
     }
 }
 
-impl FindsLenses {
+impl FindsFocused {
     /// The search in a scene. `filtered` is the argument of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
     #[must_use]
     pub fn new(filtered: &[bool]) -> Self {
         Self { filtered: filtered.to_vec(), structure: None }
     }
 
-    /// The spheres that focus the light of a job, whose scene must be the same in all calls.
+    /// The light that glass focuses in a job, whose scene must be the same in all calls. If `progress` is cancelled, photons are missing.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] of `backend` if the scene has too many spheres of glass.
-    pub fn of(&mut self, backend: &'static str, job: &RayJob<'_>) -> Result<Lenses, BackendError> {
-        if job.scene.geometry.spheres.is_empty() || !asks_for_lenses(job) || !Variant::of(job).knows_bodies() {
-            return Ok(Lenses::default());
+    /// [`BackendError::Unsupported`] of `backend` if the scene has too many spheres of glass, or if there is too little memory for the photons.
+    pub fn of(
+        &mut self,
+        backend: &'static str,
+        job: &RayJob<'_>,
+        progress: &Progress,
+    ) -> Result<Focused, BackendError> {
+        let (geometry, dielectrics) = (&job.scene.geometry, job.dielectrics);
+        if !asks_for_lenses(job) || !Variant::of(job).knows_bodies() {
+            return Ok(Focused::default());
         }
-        if has_bodies(&job.scene.geometry, job.dielectrics) {
+        let has_spheres = !geometry.spheres.is_empty();
+        if shoots_photons(job) || (has_spheres && has_bodies(geometry, dielectrics)) {
             let Self { filtered, structure } = self;
             let build =
                 || Structure::build_until(job.scene, filtered, &Progress::default()).expect("nobody gives it up");
-            return lenses(backend, structure.get_or_insert_with(build), job);
+            return focused(backend, structure.get_or_insert_with(build), job, progress);
         }
         // Without bodies of triangles no tree is needed: [`Lenses::of`] itself leaves out spheres that touch other spheres of glass.
-        Lenses::of(&job.scene.geometry, job.dielectrics, |_| false).map_err(|why| check::missing(backend, job, &why))
+        let lenses = Lenses::of(geometry, dielectrics, |_| false).map_err(|why| check::missing(backend, job, &why))?;
+        Ok(Focused { lenses, photons: PhotonMap::default() })
     }
+}
+
+/// Whether a job shoots photons: it requests some, and its scene has meshes of glass that bend light.
+#[must_use]
+pub fn shoots_photons(job: &RayJob<'_>) -> bool {
+    let asks = job.fidelity == Fidelity::Corrected && job.program.photons(&job.params) > 0;
+    asks && first_target(job.scene, job.dielectrics).is_some()
 }
 
 /// Whether any triangles are surfaces of bodies of glass.
@@ -56,17 +89,17 @@ fn has_bodies(geometry: &Geometry, dielectrics: &[Dielectric]) -> bool {
     geometry.batches.iter().any(|batch| batch.count > 0 && is_body(batch.material))
 }
 
-/// The spheres that focus the light of a job. Whether a sphere lies in another body is found by tracing in the structure of the job's scene.
-fn lenses(
+/// The light that glass focuses in a job, found by tracing in the structure of the job's scene.
+fn focused(
     backend: &'static str,
     Structure { triangles, spheres }: &Structure,
     job: &RayJob<'_>,
-) -> Result<Lenses, BackendError> {
-    let job = RayJob { params: RayParams { photons: 0, ..job.params }, ..*job };
+    progress: &Progress,
+) -> Result<Focused, BackendError> {
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
     let tracer = WithSpheres { triangles, spheres };
-    match new_pass(&job, &Erased::<true>::new(&tracer), coverage, None) {
-        Ok(pass) => Ok(pass.lenses),
+    match new_pass(job, &Erased::<true>::new(&tracer), coverage, Some(progress)) {
+        Ok(pass) => Ok(Focused { lenses: pass.lenses, photons: pass.photons }),
         Err(BackendError::Unsupported { what, why, .. }) => Err(BackendError::Unsupported { backend, what, why }),
         Err(error) => Err(error),
     }
@@ -77,7 +110,7 @@ mod tests {
     use super::*;
     use crate::effects::tests::world::{Shot, World};
     use curitiba_pipeline::glass::{GlassRule, GlassShadow};
-    use curitiba_pipeline::programs::{Fidelity, RayProgram};
+    use curitiba_pipeline::programs::{RayParams, RayProgram};
     use glam::Vec3;
 
     #[test]
@@ -97,7 +130,8 @@ mod tests {
             let shot = Shot::of(&world, eye, [Vec3::ZERO]);
             let job = shot.job(RayProgram::Final, Fidelity::Corrected, params);
             assert_eq!(has_bodies(&job.scene.geometry, job.dielectrics), with_mesh);
-            let refused = FindsLenses::new(&[true]).of("a device", &job).expect_err("there are too many");
+            let refused =
+                FindsFocused::new(&[true]).of("a device", &job, &Progress::default()).expect_err("there are too many");
             let BackendError::Unsupported { backend, why, .. } = refused else { panic!("{refused}") };
             assert!(backend == "a device" && why.contains("spheres"), "{backend}: {why}");
         }

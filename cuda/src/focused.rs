@@ -1,11 +1,12 @@
-//! The exact spheres that focus the light of a pass, in the device's layout.
+//! The light that glass focuses in a pass, in the device's layout.
 
-use crate::layout::{self, Lens, Turned};
-use curitiba_passes::effects::dielectric::{Ball, Lenses, light_axis, light_blur};
+use crate::layout::{self, Lens, PhotonCloud, Turned};
+use curitiba_passes::cpu::Focused;
+use curitiba_passes::effects::dielectric::{Ball, Cloud, light_axis, light_blur};
 use curitiba_pipeline::backend::RayJob;
 use glam::Vec3;
 
-/// The tables of the spheres that focus light.
+/// The tables of the spheres that focus light, and what is the same for all of them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LensTables {
     /// The spheres.
@@ -16,17 +17,20 @@ pub struct LensTables {
     pub points: Vec<f64>,
     /// For each exact sphere of the scene, 1 if it focuses light, else 0.
     pub by_sphere: Vec<u32>,
-    /// The parameters, without the addresses of these tables.
-    pub lenses: layout::Lenses,
+    /// The parameters, without the addresses of these tables and of the photons.
+    pub focused: layout::Focused,
 }
 
 impl LensTables {
-    /// The tables of a job in which `lenses` focus light; `None` without any.
+    /// The tables of a job in which glass focuses this light; `None` without any. There may be photons and no spheres that focus light.
     #[must_use]
-    pub fn of(job: &RayJob<'_>, lenses: &Lenses) -> Option<Self> {
-        let (_, first) = lenses.iter().next()?;
-        let nodes: Vec<Turned> = lenses.balls().iter().flat_map(nodes).collect();
-        let of_ball = first.nodes().len();
+    pub fn of(job: &RayJob<'_>, focused: &Focused) -> Option<Self> {
+        if focused.is_empty() {
+            return None;
+        }
+        let lenses = &focused.lenses;
+        let first = lenses.balls().first();
+        let of_ball = first.map_or(0, |ball| ball.nodes().len());
         let list: Vec<Lens> = lenses
             .iter()
             .map(|(lens, ball)| Lens {
@@ -40,20 +44,37 @@ impl LensTables {
             })
             .collect();
         let axis = light_axis(job.sun.map_or(Vec3::ZERO, |sun| -sun.direction));
-        let lenses_of_job = layout::Lenses {
+        let described = layout::Focused {
             axis: axis.to_array(),
             across: axis.any_orthonormal_vector().to_array(),
             blur: light_blur(job.params.sun),
             count: list.len() as u32,
-            ..layout::Lenses::default()
+            cloud_count: focused.photons.clouds().len() as u32,
+            ..layout::Focused::default()
         };
+        let focuses = |sphere: usize| u32::from(lenses.by_sphere().get(sphere) == Some(&true));
         Some(Self {
             list,
-            nodes,
-            points: first.quadratures().flat_map(|point| point.to_array()).collect(),
-            by_sphere: lenses.by_sphere().iter().map(|focuses| u32::from(*focuses)).collect(),
-            lenses: lenses_of_job,
+            nodes: lenses.balls().iter().flat_map(nodes).collect(),
+            points: first.into_iter().flat_map(Ball::quadratures).flat_map(|point| point.to_array()).collect(),
+            by_sphere: (0..job.scene.geometry.spheres.len()).map(focuses).collect(),
+            focused: described,
         })
+    }
+}
+
+/// The photons of a target, without the addresses of its tables.
+#[must_use]
+pub fn cloud(cloud: &Cloud) -> PhotonCloud {
+    let [low, high] = cloud.bounds().map(|corner| corner.to_array());
+    PhotonCloud {
+        low,
+        high,
+        entries: cloud.starts().len() as u32 - 1,
+        radius: cloud.radius(),
+        cells: cloud.cells_a_unit(),
+        weight: cloud.greatest_weight(),
+        ..PhotonCloud::default()
     }
 }
 
@@ -74,7 +95,8 @@ pub fn nodes(ball: &Ball) -> Vec<Turned> {
 mod tests {
     use super::*;
     use curitiba_passes::effects::constants::{CELLS, POINTS, POINTS_AT_AXIS};
-    use curitiba_pipeline::backend::{PixelCone, Sun};
+    use curitiba_passes::effects::dielectric::{Lenses, Photon, PhotonMap};
+    use curitiba_pipeline::backend::{PhotonCounts, PixelCone, Sun};
     use curitiba_pipeline::glass::{Dielectric, Shape};
     use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
     use curitiba_pipeline::scene::{Geometry, RenderScene, Sphere};
@@ -113,7 +135,8 @@ mod tests {
             beyond: Vec3::ZERO,
             dielectrics: &dielectrics,
         };
-        let tables = LensTables::of(&job, &lenses).expect("three focus light");
+        let focused = Focused { lenses, photons: PhotonMap::default() };
+        let tables = LensTables::of(&job, &focused).expect("three focus light");
         assert_eq!(tables.by_sphere, [1, 0, 1, 0, 1]);
         let found: Vec<_> =
             tables.list.iter().map(|lens| (lens.id, lens.material, lens.index, lens.center[0])).collect();
@@ -126,9 +149,16 @@ mod tests {
             let inner_sin = (1.0 - grazing.inner * grazing.inner).sqrt();
             assert!((inner_sin * f64::from(lens.index) - 1.0).abs() < 1e-12, "{lens:?}");
         }
-        let lenses_of_job = tables.lenses;
-        assert_eq!((lenses_of_job.count, lenses_of_job.axis), (3, [0.0, -1.0, 0.0]));
-        assert!((lenses_of_job.blur - 1_f64.to_radians().tan()).abs() < 1e-15);
-        assert!(LensTables::of(&job, &Lenses::default()).is_none());
+        let described = tables.focused;
+        assert_eq!((described.count, described.axis), (3, [0.0, -1.0, 0.0]));
+        assert!((described.blur - 1_f64.to_radians().tan()).abs() < 1e-15);
+        assert!(LensTables::of(&job, &Focused::default()).is_none());
+        // Photons without spheres that focus light.
+        let photon = Photon::new(Vec3::ONE, (Vec3::NEG_Y, Vec3::Y), Vec3::ONE, 7);
+        let clouds = vec![Cloud::new(vec![photon; 3], 0.25).expect("little memory")];
+        let photons = PhotonMap::new(clouds, PhotonCounts::default());
+        let tables = LensTables::of(&job, &Focused { lenses: Lenses::default(), photons }).expect("photons");
+        assert_eq!((tables.focused.count, tables.focused.cloud_count), (0, 1));
+        assert_eq!((tables.by_sphere.as_slice(), tables.list.len()), (&[0; 5][..], 0));
     }
 }
