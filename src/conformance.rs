@@ -106,7 +106,7 @@ pub struct Record {
     pub rays: RayCounts,
     /// Number of rays of the processor's run.
     pub cpu_rays: Option<RayCounts>,
-    /// Millions of rays per second of device time.
+    /// Millions of rays per second of device time, without those of photons.
     pub mrays_per_second: f64,
     /// Comparison with the processor's picture; `None` if the processor's run was skipped.
     pub comparison: Option<Comparison>,
@@ -180,6 +180,8 @@ impl Beside {
         }
         let comparison = cpu.map(|(picture, ..)| compare(&picture.pixels, &output.pixels));
         let device_ms_median = median(&device_ms);
+        // The rays of photons are the processor's on all backends.
+        let on_device = rays.total() - rays.photons.rays;
         let limit = Limit::of(other.name(), job);
         let within_limits = comparison.as_ref().is_none_or(|found| found.is_within(&limit));
         let record = Record {
@@ -195,7 +197,7 @@ impl Beside {
             cpu_ms: cpu.map(|(_, ms, _)| ms),
             rays,
             cpu_rays: cpu.map(|(.., rays)| rays),
-            mrays_per_second: rays.total() as f64 / device_ms_median.max(1e-9) / 1e3,
+            mrays_per_second: on_device as f64 / device_ms_median.max(1e-9) / 1e3,
             comparison,
             within_limits,
         };
