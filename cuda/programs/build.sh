@@ -62,7 +62,8 @@ for tracer in bvh optix; do
         compile "ptx/$tracer/lights/$program.ptx" "${extra[@]}" -DCURITIBA_LIGHTS -DCURITIBA_PROGRAM="\"$program.cuh\"" \
             -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
     done
-    # `spheres` and `spheres_lights` are corrected fidelity for scenes with exact spheres, of glass as each material says.
+    # `spheres` and `spheres_lights` are corrected fidelity for scenes with exact spheres and for passes that shoot photons, of glass as each
+    # material says.
     for set in spheres spheres_lights; do
         programs="deferredShadows reflection refraction ssao final" more=()
         [ "$set" = spheres_lights ] && programs="deferredShadows reflection refraction final" more=(-DCURITIBA_LIGHTS)

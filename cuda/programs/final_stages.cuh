@@ -2,7 +2,7 @@
 // seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, one warp
 // looks at what is near 32 surfaces, several trace the rays that are left of their occlusion; then each pixel sums its own. So
 // threads do the same at the same time, whatever glass is seen, and each kernel has the registers that it needs. The light of several
-// lights, of discs and that which spheres focus is found when a surface is listed.
+// lights, the light of discs and the light that glass focuses are found when a surface is listed.
 //
 // A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
 #pragma once

@@ -6,9 +6,9 @@ use curitiba_passes::effects::dielectric::{Ball, Cloud, light_axis, light_blur};
 use curitiba_pipeline::backend::RayJob;
 use glam::Vec3;
 
-/// The tables of the spheres that focus light, and what is the same for all of them.
+/// The tables of the light that glass focuses, except for the photons, which are copied as they are.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct LensTables {
+pub struct FocusedTables {
     /// The spheres.
     pub list: Vec<Lens>,
     /// For each index of refraction, the rays between which the processor's solution looks for extrema.
@@ -18,10 +18,10 @@ pub struct LensTables {
     /// For each exact sphere of the scene, 1 if it focuses light, else 0.
     pub by_sphere: Vec<u32>,
     /// The parameters, without the addresses of these tables and of the photons.
-    pub focused: layout::Focused,
+    pub described: layout::Focused,
 }
 
-impl LensTables {
+impl FocusedTables {
     /// The tables of a job in which glass focuses this light; `None` without any. There may be photons and no spheres that focus light.
     #[must_use]
     pub fn of(job: &RayJob<'_>, focused: &Focused) -> Option<Self> {
@@ -58,7 +58,7 @@ impl LensTables {
             nodes: lenses.balls().iter().flat_map(nodes).collect(),
             points: first.into_iter().flat_map(Ball::quadratures).flat_map(|point| point.to_array()).collect(),
             by_sphere: (0..job.scene.geometry.spheres.len()).map(focuses).collect(),
-            focused: described,
+            described,
         })
     }
 }
@@ -136,7 +136,7 @@ mod tests {
             dielectrics: &dielectrics,
         };
         let focused = Focused { lenses, photons: PhotonMap::default() };
-        let tables = LensTables::of(&job, &focused).expect("three focus light");
+        let tables = FocusedTables::of(&job, &focused).expect("three focus light");
         assert_eq!(tables.by_sphere, [1, 0, 1, 0, 1]);
         let found: Vec<_> =
             tables.list.iter().map(|lens| (lens.id, lens.material, lens.index, lens.center[0])).collect();
@@ -149,16 +149,16 @@ mod tests {
             let inner_sin = (1.0 - grazing.inner * grazing.inner).sqrt();
             assert!((inner_sin * f64::from(lens.index) - 1.0).abs() < 1e-12, "{lens:?}");
         }
-        let described = tables.focused;
+        let described = tables.described;
         assert_eq!((described.count, described.axis), (3, [0.0, -1.0, 0.0]));
         assert!((described.blur - 1_f64.to_radians().tan()).abs() < 1e-15);
-        assert!(LensTables::of(&job, &Focused::default()).is_none());
+        assert!(FocusedTables::of(&job, &Focused::default()).is_none());
         // Photons without spheres that focus light.
         let photon = Photon::new(Vec3::ONE, (Vec3::NEG_Y, Vec3::Y), Vec3::ONE, 7);
         let clouds = vec![Cloud::new(vec![photon; 3], 0.25).expect("little memory")];
         let photons = PhotonMap::new(clouds, PhotonCounts::default());
-        let tables = LensTables::of(&job, &Focused { lenses: Lenses::default(), photons }).expect("photons");
-        assert_eq!((tables.focused.count, tables.focused.cloud_count), (0, 1));
+        let tables = FocusedTables::of(&job, &Focused { lenses: Lenses::default(), photons }).expect("photons");
+        assert_eq!((tables.described.count, tables.described.cloud_count), (0, 1));
         assert_eq!((tables.by_sphere.as_slice(), tables.list.len()), (&[0; 5][..], 0));
     }
 }

@@ -1,7 +1,7 @@
 //! Images and tables in device memory that passes share.
 
 use crate::device::{Address, Buffer, Device};
-use crate::focused::{self, LensTables};
+use crate::focused::{self, FocusedTables};
 use crate::layout::{self, Body, PhotonCloud, Ways};
 use crate::ways::WayTables;
 use cudarc::driver::DeviceRepr;
@@ -82,8 +82,8 @@ pub(crate) struct FocusedBuffers {
 
 impl FocusedBuffers {
     /// Copies the tables and the photons to the device.
-    pub fn set(&mut self, device: &Device, tables: LensTables, photons: &PhotonMap) -> Result<(), BackendError> {
-        let LensTables { list, nodes, points, by_sphere, focused } = tables;
+    pub fn set(&mut self, device: &Device, tables: FocusedTables, photons: &PhotonMap) -> Result<(), BackendError> {
+        let FocusedTables { list, nodes, points, by_sphere, described } = tables;
         self.list.set(device, "the spheres that focus light", list)?;
         self.nodes.set(device, "the rays of spheres that focus light", nodes)?;
         self.points.set(device, "the points of focused light", points)?;
@@ -95,7 +95,7 @@ impl FocusedBuffers {
             points: self.points.address(device),
             by_sphere: self.by_sphere.address(device),
             clouds: self.clouds.address(device),
-            ..focused
+            ..described
         };
         self.described.set(device, "where the light is that glass focuses", vec![described])
     }

@@ -231,6 +231,9 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             return Ok(RayStats::default());
         }
         let focused = self.focused.of(T::NAME, job, progress)?;
+        if progress.is_given_up() {
+            return Ok(RayStats::default());
+        }
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
         let pixels = pixels_of_launch(job);
         progress.start(shares.iter().map(|share| launches(share, job.width, pixels).len() as u64).sum());
@@ -280,7 +283,8 @@ mod tests {
     use crate::bvh::BvhTracer;
     use crate::optix::OptixTracer;
     use curitiba_pipeline::backend::{PixelCone, RayCounts, Shade, Sun};
-    use curitiba_pipeline::scene::{Geometry, Material, Sphere};
+    use curitiba_pipeline::glass::{GlassRule, GlassShadow, Shape};
+    use curitiba_pipeline::scene::{Batch, Geometry, Material, Sphere};
     use glam::Vec3;
     use std::time::Duration;
 
@@ -334,6 +338,29 @@ mod tests {
                 }
             });
         }
+    }
+
+    #[test]
+    fn a_pass_that_shoots_photons_runs_the_programs_with_spheres() {
+        of_a_sphere(RayProgram::Final, Fidelity::Corrected, |job| {
+            let params =
+                RayParams { glass: GlassRule::Auto, shadow: GlassShadow::Caustic, photons: 5000, ..job.params };
+            let glass = [Dielectric { shape: Shape::Solid, index: 1.5, ..Dielectric::default() }];
+            let mut scene = job.scene.clone();
+            scene.geometry.spheres.clear();
+            scene.geometry.batches.push(Batch { material: 0, first: 0, count: 1 });
+            scene.geometry.triangles.push([0; 3]);
+            let meshes = RayJob { params, scene: &scene, dielectrics: &glass, ..*job };
+            assert!(Key::of(&meshes).spheres);
+            for none in [
+                RayJob { params: RayParams { photons: 0, ..params }, ..meshes },
+                RayJob { params: RayParams { shadow: GlassShadow::Straight, ..params }, ..meshes },
+                RayJob { fidelity: Fidelity::Thesis, ..meshes },
+                RayJob { dielectrics: &[], ..meshes },
+            ] {
+                assert!(!Key::of(&none).spheres, "{:?} {:?}", none.params, none.fidelity);
+            }
+        });
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The ray programs on one GPU, with any tracer. [`crate::multi_gpu`] makes a backend from one or several `OneGpu`.
 
 use crate::device::{Address, Device};
-use crate::focused::LensTables;
-use crate::images::Images;
+use crate::focused::FocusedTables;
+use crate::images::{FocusedBuffers, Images};
 use crate::layout::{
     ASKS_EYE, ASKS_FOCUSED, ASKS_STRAIGHT, BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, MEDIA_BYTES, Params,
     RAY_COUNT_KINDS, REACHES, THROUGH_GLASS_ENTRIES,
@@ -259,8 +259,9 @@ impl<T: DeviceTracer> OneGpu<T> {
         let falls_straight =
             !job.dielectrics.is_empty() && matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
         let focuses = !focused.is_empty();
-        if let Some(tables) = LensTables::of(job, focused) {
-            images.focused.set(device, tables, &focused.photons)?;
+        match FocusedTables::of(job, focused) {
+            Some(tables) => images.focused.set(device, tables, &focused.photons)?,
+            None => images.focused = FocusedBuffers::default(),
         }
         let asks = if falls_straight { ASKS_STRAIGHT } else { 0 } | if focuses { ASKS_FOCUSED } else { 0 };
         if has_bodies {
@@ -429,6 +430,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// Releases scene and structure, before others are built: the device's memory may not hold both.
     pub fn clear(&mut self) {
         self.built = None;
+        self.images.focused = FocusedBuffers::default();
         self.tracer.clear();
     }
 

@@ -1,8 +1,7 @@
 //! The device programs as PTX, which the driver compiles for its GPU; `programs/build.sh` writes them.
 
-use curitiba_passes::cpu::shoots_photons;
 use curitiba_passes::effects::Lighting;
-use curitiba_passes::effects::dielectric::Variant;
+use curitiba_passes::effects::dielectric::{Variant, shoots_photons};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
@@ -40,7 +39,7 @@ macro_rules! bodies {
 }
 macro_rules! spheres {
     ($($program:ident $stem:literal),* $(,)?) => {
-        /// PTX of the programs for scenes with exact spheres: on our own traversal and on OptiX. They exist in corrected fidelity only, with
+        /// PTX of the programs for scenes with exact spheres and for passes that shoot photons: on our own traversal and on OptiX. They exist in corrected fidelity only, with
         /// glass as defined by each material.
         const SPHERES: &[(RayProgram, [&str; 2])] = &[$((RayProgram::$program, [
             text!("bvh/spheres/", $stem), text!("optix/spheres/", $stem),
@@ -111,7 +110,7 @@ pub struct Key {
     pub variant: Variant,
     /// The lights that the program supports.
     pub lighting: Lighting,
-    /// Whether the program supports exact spheres and the light that glass focuses, for a scene that has spheres and for a job that shoots photons.
+    /// Whether it is a program with exact spheres, which also knows the light that glass focuses: the scene has spheres, or the job shoots photons.
     pub spheres: bool,
 }
 

@@ -6,7 +6,7 @@ mod filter;
 mod focused;
 mod intersections;
 
-pub use focused::{FindsFocused, Focused, shoots_photons};
+pub use focused::{FindsFocused, Focused};
 
 use crate::effects::{
     AlphaTested, Area, ByCones, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined,

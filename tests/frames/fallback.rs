@@ -4,9 +4,10 @@ use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
 use curitiba::pipeline::executor::{Engines, Fallback, Observer, Progress, RenderError, Renderer, Spare, StepKind};
+use curitiba::pipeline::glass::Dielectric;
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
-use curitiba::pipeline::programs::{Fidelity, RayProgram};
+use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba::pipeline::project;
 use curitiba::pipeline::scene::RenderScene;
 use std::cell::RefCell;
@@ -61,7 +62,15 @@ impl RayBackend for Fake {
         Ok(())
     }
 
+    fn supports_glass(&self, _: RayProgram, _: &RayParams, _: &[Dielectric]) -> Result<(), BackendError> {
+        Ok(())
+    }
+
     fn traces_sun_discs(&self) -> bool {
+        self.name == "cpu"
+    }
+
+    fn shoots_photons(&self) -> bool {
         self.name == "cpu"
     }
 
@@ -196,6 +205,30 @@ fn a_backend_that_knows_a_point_of_light_alone_is_replaced_for_a_disc() {
     let thesis = soft(Fidelity::Thesis, vec![spare("cuda", Fails::Never, &calls)], &mut ears).expect("ready");
     assert!(ears.0.is_empty());
     assert!(thesis.plan().decisions.iter().any(|decision| format!("{decision:?}").contains("the light is a point")));
+}
+
+#[test]
+fn a_backend_that_shows_no_light_of_photons_is_replaced_where_there_are_meshes_to_shoot_at() {
+    let open = |project: &str, set: &[&str], backends: Vec<Spare>, ears: &mut Ears| {
+        let project = project::load(&root(&format!("xml_projects/glass/{project}.xml"))).expect("the project loads");
+        let set = set.iter().map(|one| format!("pass2.{one}")).collect();
+        let plan = Plan::new(project, Settings { size: Some([8, 8]), set, ..Settings::default() });
+        let engines = Engines::first_of(Box::new(CpuRasteriser::new()), backends).expect("one can be made");
+        Renderer::new(plan.expect("the plan stands"), engines, ears)
+    };
+    let calls = Calls::default();
+    let cuda = || vec![spare("cuda", Fails::Never, &calls)];
+    let asked = ["sun=0", "photons=500", "wavelengths=1"];
+    let refused = open("MeshCaustics", &asked, cuda(), &mut Ears::default()).err().expect("it has photons").to_string();
+    for words in ["pass `pass2`: cuda cannot run", "photons=500", "material `", "set photons=0"] {
+        assert!(refused.contains(words), "{refused}");
+    }
+    let mut ears = Ears::default();
+    let both = cuda().into_iter().chain([spare("cpu", Fails::Never, &calls)]).collect();
+    open("MeshCaustics", &asked, both, &mut ears).expect("the cpu stands in");
+    assert_eq!(ears.0.iter().map(|told| (&*told.failed, &*told.instead)).collect::<Vec<_>>(), [("cuda", "cpu")]);
+    let straight = ["sun=0", "photons=0", "wavelengths=1"];
+    assert!(open("MeshCaustics", &straight, cuda(), &mut Ears::default()).is_ok(), "light goes straight on");
 }
 
 #[test]

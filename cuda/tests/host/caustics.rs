@@ -7,7 +7,7 @@ use super::glass::{
 use super::lights::asked;
 use super::ways::{BOTH, dispersing, frosted, owned, uncut};
 use super::{Random, compiled_with, run};
-use curitiba_cuda::focused::{LensTables, cloud, nodes};
+use curitiba_cuda::focused::{FocusedTables, cloud, nodes};
 use curitiba_cuda::layout::{Focused, Lens, PhotonCloud, Turned};
 use curitiba_passes::effects::constants::CELLS;
 use curitiba_passes::effects::dielectric::{self, Ball, Cloud};
@@ -29,8 +29,8 @@ fn turned_words(ray: &Turned) -> impl Iterator<Item = u32> + use<> {
 }
 
 /// The spheres that focus light as a host program reads them.
-pub(crate) fn lens_words(tables: &LensTables) -> Vec<u32> {
-    let LensTables { list, nodes, points, by_sphere, focused } = tables;
+pub(crate) fn lens_words(tables: &FocusedTables) -> Vec<u32> {
+    let FocusedTables { list, nodes, points, by_sphere, described } = tables;
     let mut input = vec![list.len() as u32];
     for Lens { center, radius, index, id, material, node } in list {
         input.extend(center.iter().chain([radius, index]).map(|number| number.to_bits()));
@@ -42,7 +42,7 @@ pub(crate) fn lens_words(tables: &LensTables) -> Vec<u32> {
     input.extend(points.iter().copied().flat_map(wide));
     input.push(by_sphere.len() as u32);
     input.extend(by_sphere);
-    let Focused { axis, across, blur, .. } = focused;
+    let Focused { axis, across, blur, .. } = described;
     input.extend(axis.iter().chain(across).chain([blur]).copied().flat_map(wide));
     input
 }
@@ -128,10 +128,10 @@ fn bundles_that_differ(program: &Path) -> [usize; 4] {
     let (mut differ, mut bundles, mut several, mut all) = (0, 0, 0, 0);
     for index in INDICES {
         let ball = Ball::new(index);
-        let tables = LensTables {
+        let tables = FocusedTables {
             nodes: nodes(&ball),
             points: ball.quadratures().flat_map(|point| point.to_array()).collect(),
-            ..LensTables::default()
+            ..FocusedTables::default()
         };
         let mut input = wide(index).to_vec();
         input.extend(lens_words(&tables));

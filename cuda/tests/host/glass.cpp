@@ -234,7 +234,7 @@ int main() {
     params.segments = (const float4 *)&ways;
 #endif
 #ifdef CURITIBA_SPHERES
-    // Programs that follow ways are those of scenes without spheres, too.
+    // A word says whether there are spheres; it is left out where there are neither spheres nor focused light.
     std::unique_ptr<SpheresOfWords> spheres;
     if (place < input.size() && word() != 0u) {
         spheres = std::make_unique<SpheresOfWords>();

@@ -5,7 +5,7 @@ use super::caustics::{lens_words, photon_words};
 use super::lights;
 use super::spheres::sphere_words;
 use super::{compiled_with, light_words, run, words};
-use curitiba_cuda::focused::LensTables;
+use curitiba_cuda::focused::FocusedTables;
 use curitiba_cuda::layout::{ASKS_FOCUSED, ASKS_STRAIGHT, NO_TEXTURE};
 use curitiba_cuda::scene::{emissions, lights, shades};
 use curitiba_cuda::sobol_table;
@@ -500,7 +500,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
     let transparent = vec![true; job.shades.len()];
     let focused = FindsFocused::new(&transparent).of("host", job, &Progress::default()).expect("few spheres");
-    let lenses = LensTables::of(job, &focused);
+    let lenses = FocusedTables::of(job, &focused);
     let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
     input.push(if straight { ASKS_STRAIGHT } else { 0 } | if lenses.is_some() { ASKS_FOCUSED } else { 0 });
     let asks = job.texture_lod() == TextureLod::Cones;

@@ -1,13 +1,13 @@
 //! Finds the light that glass focuses, for device programs.
 
-use super::{Structure, check, new_pass};
+use super::{BYTES_PER_TRIANGLE, Structure, check, new_pass};
 use crate::effects::AlphaTested;
-use crate::effects::dielectric::{Lenses, PhotonMap, Variant, asks_for_lenses};
+use crate::effects::dielectric::{Lenses, PhotonMap, Variant, asks_for_focus, shoots_photons};
 use crate::trace::{Erased, WithSpheres};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::glass::{Dielectric, Shape, first_target};
-use curitiba_pipeline::programs::Fidelity;
+use curitiba_pipeline::glass::{Dielectric, Shape};
+use curitiba_pipeline::memory;
 use curitiba_pipeline::scene::Geometry;
 
 /// The light that glass focuses in a pass.
@@ -49,10 +49,11 @@ impl FindsFocused {
         Self { filtered: filtered.to_vec(), structure: None }
     }
 
-    /// The light that glass focuses in a job, whose scene must be the same in all calls. If `progress` is cancelled, photons are missing.
+    /// The light that glass focuses in a job, whose scene must be the same in all calls. If `progress` is cancelled, light is missing.
     ///
     /// # Errors
-    /// [`BackendError::Unsupported`] of `backend` if the scene has too many spheres of glass, or if there is too little memory for the photons.
+    /// [`BackendError::Unsupported`] of `backend` if the scene has too many spheres of glass, or if there is too little memory for the tree or the
+    /// photons.
     pub fn of(
         &mut self,
         backend: &'static str,
@@ -60,27 +61,24 @@ impl FindsFocused {
         progress: &Progress,
     ) -> Result<Focused, BackendError> {
         let (geometry, dielectrics) = (&job.scene.geometry, job.dielectrics);
-        if !asks_for_lenses(job) || !Variant::of(job).knows_bodies() {
+        if !asks_for_focus(job) || !Variant::of(job).knows_bodies() {
             return Ok(Focused::default());
         }
         let has_spheres = !geometry.spheres.is_empty();
         if shoots_photons(job) || (has_spheres && has_bodies(geometry, dielectrics)) {
-            let Self { filtered, structure } = self;
-            let build =
-                || Structure::build_until(job.scene, filtered, &Progress::default()).expect("nobody gives it up");
-            return focused(backend, structure.get_or_insert_with(build), job, progress);
+            if self.structure.is_none() {
+                // The builder allocates without checks.
+                let probed = memory::probe(BYTES_PER_TRIANGLE * geometry.triangles.len() as u64);
+                probed.map_err(|refused| check::missing(backend, job, &refused.to_string()))?;
+                self.structure = Structure::build_until(job.scene, &self.filtered, &progress.part());
+            }
+            let Some(structure) = &self.structure else { return Ok(Focused::default()) };
+            return focused(backend, structure, job, progress);
         }
         // Without bodies of triangles no tree is needed: [`Lenses::of`] itself leaves out spheres that touch other spheres of glass.
         let lenses = Lenses::of(geometry, dielectrics, |_| false).map_err(|why| check::missing(backend, job, &why))?;
         Ok(Focused { lenses, photons: PhotonMap::default() })
     }
-}
-
-/// Whether a job shoots photons: it requests some, and its scene has meshes of glass that bend light.
-#[must_use]
-pub fn shoots_photons(job: &RayJob<'_>) -> bool {
-    let asks = job.fidelity == Fidelity::Corrected && job.program.photons(&job.params) > 0;
-    asks && first_target(job.scene, job.dielectrics).is_some()
 }
 
 /// Whether any triangles are surfaces of bodies of glass.
@@ -109,9 +107,32 @@ fn focused(
 mod tests {
     use super::*;
     use crate::effects::tests::world::{Shot, World};
+    use curitiba_pipeline::executor::Cancellation;
     use curitiba_pipeline::glass::{GlassRule, GlassShadow};
-    use curitiba_pipeline::programs::{RayParams, RayProgram};
+    use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
     use glam::Vec3;
+
+    #[test]
+    fn a_search_that_is_given_up_finds_nothing_and_a_later_one_finds_all() {
+        let mut world = World::lit_along(Vec3::NEG_Y);
+        let glass = world.dielectric(Dielectric { shape: Shape::Solid, index: 1.5, ..Dielectric::default() });
+        world.quad(glass, Vec3::Y, Vec3::Z, Vec3::X);
+        let params = RayParams {
+            glass: GlassRule::Auto,
+            shadow: GlassShadow::Caustic,
+            photons: 64,
+            samples: 0,
+            ..RayParams::default()
+        };
+        let shot = Shot::of(&world, Vec3::Y * 9.0, [Vec3::ZERO]);
+        let job = shot.job(RayProgram::Final, Fidelity::Corrected, params);
+        let (mut search, stop) = (FindsFocused::new(&[true]), Cancellation::default());
+        stop.cancel();
+        let given_up = search.of("a device", &job, &Progress::until(&stop)).expect("no error");
+        assert!(given_up.is_empty() && search.structure.is_none());
+        let found = search.of("a device", &job, &Progress::default()).expect("no error");
+        assert_eq!((found.photons.counts.shot, found.photons.clouds().len()), (64, 1));
+    }
 
     #[test]
     fn too_many_spheres_are_refused_in_the_name_of_the_backend_with_meshes_and_without() {

@@ -2,7 +2,7 @@
 
 use super::camera::Camera;
 use curitiba_pipeline::backend::{Light, Shade, Sun};
-use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
+use curitiba_pipeline::glass::{Dielectric, GlassShadow};
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use curitiba_pipeline::scene::{RenderScene, Sphere};
@@ -83,10 +83,8 @@ impl Traced<'_> {
                  glass=auto"
             ));
         }
-        let focuses = |sphere: &Sphere| {
-            let dielectric = look.dielectrics.get(sphere.material as usize);
-            dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
-        };
+        let focuses =
+            |sphere: &Sphere| look.dielectrics.get(sphere.material as usize).is_some_and(Dielectric::bends_light);
         (params.shadow == GlassShadow::Caustic && spheres.iter().any(focuses)).then(|| {
             "light that exact spheres focus (shadow=caustic) has no reference of the picture: set shadow=straight"
                 .to_owned()

@@ -2,6 +2,7 @@
 
 use super::layout::{COUNT_BYTES, Params, TILE};
 use super::programs::Stage;
+use crate::effects::dielectric::{Cloud, PhotonMap};
 use crate::raster::gpu::AdapterKind;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::resources::rectangle;
@@ -17,6 +18,8 @@ const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
 const FIRST_TILES: u32 = 64;
 /// Greatest number of rays from a point to the discs of lights for which the first launch has [`FIRST_TILES`] tiles.
 const FEW_RAYS: u32 = 64;
+/// Number of photons that are looked up in the time of a ray, roughly.
+const PHOTONS_A_RAY: u64 = 32;
 /// Greatest factor between the sizes of successive launches.
 const GROWTH: u32 = 8;
 /// Greatest number of kernels whose timestamps are read together.
@@ -114,9 +117,15 @@ pub(super) fn wanted(gpu: &Gpu) -> Duration {
     if gpu.adapter.kind == AdapterKind::Software { WANTED_OF_SOFTWARE } else { WANTED }
 }
 
-/// Number of tiles of the first launch, where each point has `disc_rays` rays to the discs of lights.
-pub(super) fn first_tiles(disc_rays: u32) -> u32 {
-    (FIRST_TILES * FEW_RAYS / disc_rays.max(FEW_RAYS)).max(1)
+/// Number of tiles of the first launch, where each point takes as long as this number of rays to the discs of lights.
+pub(super) fn first_tiles(rays: u32) -> u32 {
+    (FIRST_TILES * FEW_RAYS / rays.max(FEW_RAYS)).max(1)
+}
+
+/// Number of rays that take as long as to look up the photons near a point, at most: a power of two, or 0 without photons.
+pub(super) fn rays_of_photons(photons: &PhotonMap) -> u32 {
+    let most = photons.clouds().iter().map(Cloud::most_near).sum::<u64>() / PHOTONS_A_RAY;
+    if most == 0 { 0 } else { u32::try_from(most.next_power_of_two()).unwrap_or(u32::MAX) }
 }
 
 /// Number of tiles of the next launch, after a launch of `tiles` tiles took the time `took`.

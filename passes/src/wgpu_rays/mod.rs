@@ -69,8 +69,8 @@ const CUT: &str = "its driver leaves loops that have not ended after some ten th
                    pixel; set sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
 /// As [`CUT`], where glass focuses light.
 const CUT_FOCUS: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the light of so many spheres that focus it, \
-                         so many photons, or the rays to the light's disc, take more at a point; set shadow=straight, or photons or sunsamples \
-                         lower, on the pass, use --backend cpu, or allow it with --fallback cpu";
+                         so many photons, or the rays to the light's disc, take more at a point; set shadow=straight on the pass, or photons, \
+                         photonradius or sunsamples lower, use --backend cpu, or allow it with --fallback cpu";
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
 const CUT_DEPTH: u32 = 2;
@@ -198,9 +198,13 @@ impl WgpuRays {
         };
         let has_levels = self.require_levels(job)?;
         let focused = self.focused.of(NAME, job, progress)?;
+        if progress.is_given_up() {
+            return Ok(RayStats::default());
+        }
         let tables = Tables::of(job, &focused, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         self.check_tables(job, &tables)?;
-        let (kind, disc_rays) = (Kind::of(job, !focused.is_empty()), disc_rays(job));
+        let kind = Kind::of(job, !focused.is_empty());
+        let steps = disc_rays(job).saturating_add(launches::rays_of_photons(&focused.photons));
         let photons = focused.photons.counts;
         // The tables hold the photons now.
         drop(focused);
@@ -232,6 +236,7 @@ impl WgpuRays {
         }
         let picture = self.images.output(&gpu, job)?.clone();
         let words = buffers::upload(&gpu, "the tables of the pass", bytemuck::cast_slice(&tables.words))?;
+        drop(tables);
         let table = wgpu::BindGroupEntry { binding: 0, resource: words.as_entire_binding() };
         let groups = [
             self.bind_images(&views, &picture)?,
@@ -244,13 +249,13 @@ impl WgpuRays {
         let work = Work {
             kernels: self.kernels.require(&gpu, job, (kind, &stages), self.arithmetic)?,
             groups: groups.each_ref(),
-            first_tiles: launches::first_tiles(disc_rays),
+            first_tiles: launches::first_tiles(steps),
             most_tiles,
             counts: &self.counts,
             parameters: &self.parameters,
             doing: &doing,
         };
-        let size = self.sizes.entry((kind, disc_rays)).or_default();
+        let size = self.sizes.entry((kind, steps)).or_default();
         let mut device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
         if levels > 0 {
             let [normals, other] = self.images.for_filter(&gpu, job)?.map(wgpu::Texture::clone);
@@ -301,7 +306,7 @@ impl WgpuRays {
             return Ok(());
         }
         let why = format!(
-            "its photons take {}, and {} reads {} at once at most; set photons lower on the pass, use --backend cpu, or allow it with \
+            "its tables, with the photons, take {}, and {} reads {} at once at most; set photons lower on the pass, use --backend cpu, or allow it with \
              --fallback cpu",
             mebibytes(bytes),
             self.gpu.adapter,

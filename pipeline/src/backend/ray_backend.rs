@@ -92,7 +92,8 @@ pub trait RayBackend {
     fn traces_cones(&self) -> bool {
         false
     }
-    /// Whether it shoots photons at glass meshes ([`RayParams::photons`] above 0), with the shadow rules that it supports.
+    /// Whether its pictures show the light of photons at glass meshes ([`RayParams::photons`] above 0), with the shadow rules that it supports. The
+    /// processor may shoot the photons for it.
     fn shoots_photons(&self) -> bool {
         false
     }

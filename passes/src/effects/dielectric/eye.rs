@@ -56,14 +56,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 /// # Errors
 /// As [`Lenses::of`].
 pub fn lenses<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<Lenses, String> {
-    if !(T::SPHERES && asks_for_lenses(pass.job)) {
+    if !(T::SPHERES && asks_for_focus(pass.job)) {
         return Ok(Lenses::default());
     }
     Lenses::of(&pass.job.scene.geometry, pass.job.dielectrics, |center| around(pass, center).count() > 1)
 }
 
-/// Whether a job needs the spheres that focus light: its rule of shadows is `caustic`, and it has glass and a light.
-pub fn asks_for_lenses(job: &RayJob<'_>) -> bool {
+/// Whether glass may focus the light of a job: its rule of shadows is `caustic`, and it has glass and a light.
+pub fn asks_for_focus(job: &RayJob<'_>) -> bool {
     let asked = job.params.shadow == GlassShadow::Caustic && job.program.info().reads("shadow");
     asked && job.sun.is_some_and(|sun| sun.direction != Vec3::ZERO) && !job.dielectrics.is_empty()
 }

@@ -130,6 +130,13 @@ impl Cloud {
         &self.starts
     }
 
+    /// Greatest number of photons that are looked at for a point.
+    #[must_use]
+    pub fn most_near(&self) -> u64 {
+        let longest = self.starts.windows(2).map(|ends| ends[1] - ends[0]).max();
+        (8 * u64::from(longest.unwrap_or(0))).min(self.photons.len() as u64)
+    }
+
     /// Low and high corner of the photons' bounds.
     #[must_use]
     pub fn bounds(&self) -> [Vec3; 2] {

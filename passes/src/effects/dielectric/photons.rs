@@ -26,8 +26,8 @@ use crate::sampling::hash::{PHOTON_DIRECTION, PHOTON_PLACE, PHOTON_WAY, dimensio
 use crate::sampling::hemisphere::{Basis, concentric_disk};
 use crate::sampling::owen_sobol::{reversed_sobol, scramble_reversed};
 use crate::trace::{Hit, Purpose, Ray, Tracer};
-use curitiba_pipeline::backend::{PhotonCounts, PixelCone};
-use curitiba_pipeline::glass::{Shape, Stratum};
+use curitiba_pipeline::backend::{PhotonCounts, PixelCone, RayJob};
+use curitiba_pipeline::glass::{Shape, Stratum, first_target};
 use curitiba_pipeline::memory::{Refused, filled, with_capacity};
 use curitiba_pipeline::programs::Fidelity;
 use glam::{Vec2, Vec3};
@@ -51,11 +51,17 @@ enum End {
     Lost,
 }
 
+/// Whether a job shoots photons: it requests some, and its scene has meshes of glass that bend light.
+#[must_use]
+pub fn shoots_photons(job: &RayJob<'_>) -> bool {
+    let asks = job.fidelity == Fidelity::Corrected && job.program.photons(&job.params) > 0;
+    asks && first_target(job.scene, job.dielectrics).is_some()
+}
+
 /// The bodies at which photons are shot; none where a pass does not ask for them.
 pub(crate) fn targets<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Targets {
     let job = pass.job;
-    let asked = job.fidelity == Fidelity::Corrected && job.program.photons(&job.params) > 0;
-    if !asked || job.dielectrics.is_empty() || pass.to_light == Vec3::ZERO {
+    if !shoots_photons(job) || pass.to_light == Vec3::ZERO {
         return Targets::default();
     }
     let along = -pass.to_light.as_dvec3().normalize_or_zero();

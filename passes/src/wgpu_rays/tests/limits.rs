@@ -150,7 +150,7 @@ fn more_photons_than_the_device_binds_are_refused() {
     rays.build(&scene, &vec![true; scene.materials.len()]).expect("it fits");
     alone(&mut rays).limits.max_storage_buffer_binding_size = 1 << 20;
     let message = failure(&mut rays, &job(60_000)).to_string();
-    for part in ["its photons take", "reads 1.0 MiB at once", "set photons lower", "--backend cpu"] {
+    for part in ["with the photons, take", "reads 1.0 MiB at once", "set photons lower", "--backend cpu"] {
         assert!(message.contains(part), "{message}");
     }
     let fewer = job(6000);
