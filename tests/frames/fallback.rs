@@ -218,7 +218,7 @@ fn a_backend_that_shows_no_light_of_photons_is_replaced_where_there_are_meshes_t
     };
     let calls = Calls::default();
     let cuda = || vec![spare("cuda", Fails::Never, &calls)];
-    let asked = ["sun=0", "photons=500", "wavelengths=1"];
+    let asked = ["sun=0", "photons=500", "texturelod=zero"];
     let refused = open("MeshCaustics", &asked, cuda(), &mut Ears::default()).err().expect("it has photons").to_string();
     for words in ["pass `pass2`: cuda cannot run", "photons=500", "material `", "set photons=0"] {
         assert!(refused.contains(words), "{refused}");
@@ -227,7 +227,7 @@ fn a_backend_that_shows_no_light_of_photons_is_replaced_where_there_are_meshes_t
     let both = cuda().into_iter().chain([spare("cpu", Fails::Never, &calls)]).collect();
     open("MeshCaustics", &asked, both, &mut ears).expect("the cpu stands in");
     assert_eq!(ears.0.iter().map(|told| (&*told.failed, &*told.instead)).collect::<Vec<_>>(), [("cuda", "cpu")]);
-    let straight = ["sun=0", "photons=0", "wavelengths=1"];
+    let straight = ["sun=0", "photons=0", "texturelod=zero"];
     assert!(open("MeshCaustics", &straight, cuda(), &mut Ears::default()).is_ok(), "light goes straight on");
 }
 
