@@ -1,8 +1,7 @@
 //! The light that glass focuses in a pass, in the device's layout.
 
 use crate::layout::{self, Lens, PhotonCloud, Turned};
-use curitiba_passes::cpu::Focused;
-use curitiba_passes::effects::dielectric::{Ball, Cloud, light_axis, light_blur};
+use curitiba_passes::effects::dielectric::{Ball, Cloud, Focused, light_axis, light_blur};
 use curitiba_pipeline::backend::RayJob;
 use glam::Vec3;
 

@@ -6,12 +6,12 @@ mod filter;
 mod focused;
 mod intersections;
 
-pub use focused::{FindsFocused, Focused};
+pub use focused::FindsFocused;
 
 use crate::effects::{
     AlphaTested, Area, ByCones, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined,
     deferred_shadows, dielectric,
-    dielectric::{Lenses, Media, PhotonMap, Targets},
+    dielectric::{Focused, Media, Targets},
     reflection, refraction, ssao,
 };
 use crate::raster::effects::filter::Filter;
@@ -335,18 +335,18 @@ pub(crate) fn new_pass<'a, T: Tracer, C: Coverage>(
         around_eye,
         spectrum: dielectric::spectrum(job),
         facets: dielectric::facets(job),
-        lenses: Lenses::default(),
         targets: Targets::default(),
-        photons: PhotonMap::default(),
+        focused: Focused::default(),
         disc,
         eye,
         progress,
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);
-        pass.lenses = dielectric::lenses(&pass).map_err(|why| check::missing(NAME, job, &why))?;
+        pass.focused.lenses = dielectric::lenses(&pass).map_err(|why| check::missing(NAME, job, &why))?;
         pass.targets = dielectric::targets(&pass);
-        pass.photons = dielectric::photons(&pass).map_err(|refused| check::missing(NAME, job, &refused.to_string()))?;
+        pass.focused.photons =
+            dielectric::photons(&pass).map_err(|refused| check::missing(NAME, job, &refused.to_string()))?;
     }
     Ok(pass)
 }
@@ -496,7 +496,7 @@ fn run_textured<'o, T: Tracer, C: Coverage, R: Runner<'o>>(pass: &Pass<'_, T, C>
         RayProgram::Final if bodies => {
             let prepare = |area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
             let computed = pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w));
-            R::with_photons(computed, pass.photons.counts)
+            R::with_photons(computed, pass.focused.photons.counts)
         }
         RayProgram::Final => {
             let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);

@@ -2,7 +2,7 @@
 
 use super::{BYTES_PER_TRIANGLE, Structure, check, new_pass};
 use crate::effects::AlphaTested;
-use crate::effects::dielectric::{Lenses, PhotonMap, Variant, asks_for_focus, shoots_photons};
+use crate::effects::dielectric::{Focused, Lenses, Variant, asks_for_focus, shoots_photons};
 use crate::trace::{Erased, WithSpheres};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::executor::Progress;
@@ -10,26 +10,9 @@ use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::memory;
 use curitiba_pipeline::scene::Geometry;
 
-/// The light that glass focuses in a pass.
-#[derive(Debug, Default)]
-pub struct Focused {
-    /// The exact spheres that focus light.
-    pub lenses: Lenses,
-    /// The photons that glass meshes have sent to surfaces.
-    pub photons: PhotonMap,
-}
-
-impl Focused {
-    /// Whether no glass focuses light.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.lenses.is_empty() && self.photons.is_empty()
-    }
-}
-
 /// Finds the spheres that focus light in a scene, and shoots photons at its glass meshes, on the processor. Photons are traced in the processor's
-/// tree, and so is whether a sphere lies in a body of triangles: such a sphere does not focus light. The tree is built for the first job that needs
-/// it.
+/// tree. By tracing there it is also found whether a sphere lies in a body of triangles, which then does not focus light. The tree is built for the
+/// first job that needs it.
 #[derive(Default)]
 pub struct FindsFocused {
     filtered: Vec<bool>,
@@ -77,7 +60,7 @@ impl FindsFocused {
         }
         // Without bodies of triangles no tree is needed: [`Lenses::of`] itself leaves out spheres that touch other spheres of glass.
         let lenses = Lenses::of(geometry, dielectrics, |_| false).map_err(|why| check::missing(backend, job, &why))?;
-        Ok(Focused { lenses, photons: PhotonMap::default() })
+        Ok(Focused { lenses, ..Focused::default() })
     }
 }
 
@@ -97,7 +80,7 @@ fn focused(
     let coverage = AlphaTested { scene: job.scene, shades: job.shades };
     let tracer = WithSpheres { triangles, spheres };
     match new_pass(job, &Erased::<true>::new(&tracer), coverage, Some(progress)) {
-        Ok(pass) => Ok(Focused { lenses: pass.lenses, photons: pass.photons }),
+        Ok(pass) => Ok(pass.focused),
         Err(BackendError::Unsupported { what, why, .. }) => Err(BackendError::Unsupported { backend, what, why }),
         Err(error) => Err(error),
     }

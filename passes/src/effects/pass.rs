@@ -2,7 +2,7 @@
 
 use super::camera::Eye;
 use super::coverage::Coverage;
-use super::dielectric::{Lenses, Media, PhotonMap, Targets};
+use super::dielectric::{Focused, Media, Targets};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
 use crate::sampling::hash::pixel_key;
@@ -43,12 +43,10 @@ pub struct Pass<'a, T, C> {
     /// Sobol points with their bits reversed, one for each path, by which rough glass is sampled; empty where no glass
     /// is rough.
     pub facets: Vec<[u32; 2]>,
-    /// The spheres that focus light, with `shadow=caustic`; else empty.
-    pub lenses: Lenses,
     /// The meshes at which photons are shot: they block straight light. Empty where a pass shoots no photons.
     pub targets: Targets,
-    /// The photons that were shot at those meshes.
-    pub photons: PhotonMap,
+    /// The light that glass focuses, with `shadow=caustic`; else none.
+    pub focused: Focused,
     /// Directions to the discs of directional lights; `None` where these are points.
     pub disc: Option<ConeSampler>,
     /// The rays of the camera; `None` for programs that read a G-buffer.

@@ -209,7 +209,7 @@ pub(super) fn prepare_light<T: Tracer, C: Coverage>(
 mod tests {
     use super::{Survey, TileSurfaces};
     use crate::effects::coverage::Opaque;
-    use crate::effects::dielectric::{Lenses, Media, PhotonMap, Targets};
+    use crate::effects::dielectric::{Focused, Media, Targets};
     use crate::effects::pass::Pass;
     use crate::effects::tests::world::{Shot, World, grid};
     use crate::effects::tile::{Area, PART, TILE, corner_of, part_of};
@@ -266,9 +266,8 @@ mod tests {
             around_eye: Media::NONE,
             spectrum: Vec::new(),
             facets: Vec::new(),
-            lenses: Lenses::default(),
             targets: Targets::default(),
-            photons: PhotonMap::default(),
+            focused: Focused::default(),
             disc: None,
             eye: None,
             progress: None,

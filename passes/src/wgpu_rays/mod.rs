@@ -306,8 +306,8 @@ impl WgpuRays {
             return Ok(());
         }
         let why = format!(
-            "its tables, with the photons, take {}, and {} reads {} at once at most; set photons lower on the pass, use --backend cpu, or allow it with \
-             --fallback cpu",
+            "its tables, with the photons, take {}, and {} reads {} at once at most; set photons lower on the pass, use \
+             --backend cpu, or allow it with --fallback cpu",
             mebibytes(bytes),
             self.gpu.adapter,
             mebibytes(most)

@@ -7,9 +7,8 @@ use super::layout::{
     VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use super::{lenses, photons};
-use crate::cpu::Focused;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
-use crate::effects::dielectric::{facets, spectrum};
+use crate::effects::dielectric::{Focused, facets, spectrum};
 use crate::effects::{LightTable, Preparation};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;

@@ -157,7 +157,7 @@ fn sample<T: Tracer, C: Sync>(
         most: counts().max().unwrap_or(0),
         exhausted: pixels.iter().filter(|pixel| pixel.count >= most).count() as u64,
     };
-    rays.photons += pass.photons.counts;
+    rays.photons += pass.focused.photons.counts;
     Ok(RayStats { rays, adaptive: Some(spent), ..RayStats::default() })
 }
 

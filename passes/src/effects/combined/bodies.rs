@@ -84,7 +84,7 @@ fn visible<T: Tracer, C: Coverage>(
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
-    let focuses = !(pass.lenses.is_empty() && pass.photons.is_empty());
+    let focuses = !pass.focused.is_empty();
     let is_certain = color == Vec3::ZERO || pass.is_sky(side.id);
     if is_certain || !matters(pass) || (known.light.is_some() && !focuses) {
         return corrected::visible(pass, color, surface, (side, known), key, work);

@@ -60,7 +60,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     ) -> Vec3 {
         let (axis, blur) = (axis(self.to_light), blur(self.job.params.sun));
         let mut light = Vec3::ZERO;
-        for (lens, ball) in self.lenses.iter() {
+        for (lens, ball) in self.focused.lenses.iter() {
             let from = (surface.position().as_dvec3() - lens.center) / lens.radius;
             // A point in the sphere gets no focused light.
             if from.length_squared() <= 1.0 {
@@ -129,7 +129,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
         let outside =
             || self.sphere(id).is_some_and(|sphere| sphere.center.distance_squared(to) > sphere.radius.powi(2));
-        T::SPHERES && self.lenses.contains(id) && outside()
+        T::SPHERES && self.focused.lenses.contains(id) && outside()
     }
 }
 

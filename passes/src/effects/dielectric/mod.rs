@@ -3,10 +3,11 @@
 //! Modules, lower layers first. `media` lists the bodies that a point of a path lies in, and `eye` the bodies that the camera lies in. `slab` is a
 //! wall with two faces. `filter` has the properties of a surface that Fresnel's equations do not give, and `shadow` the light that glass lets
 //! straight through. `ball` is the refraction of parallel light by a sphere, `lenses` are the spheres that focus light, and `caustic` adds the
-//! focused light to surfaces. `targets` are the meshes that focus light, and `photon_map` stores the photons that landed. `variant` states which
-//! glass device programs support, and `ways` which ways of a divided path are followed. `branch` is a continuation of a path at a surface, `limits`
-//! cuts branches off, and `facets` are the microfacets of a rough surface. `walk` follows paths from the camera, `solid` is the surface of a body,
-//! and `photons` follows light to surfaces. These modules may use those modules of the parent folder that concern one point.
+//! focused light to surfaces. `targets` are the meshes that focus light, `photon_map` stores the photons that landed, and `focused` holds lenses and
+//! photons. `variant` states which glass device programs support, and `ways` which ways of a divided path are followed. `branch` is a continuation
+//! of a path at a surface, `limits` cuts branches off, and `facets` are the microfacets of a rough surface. `walk` follows paths from the camera,
+//! `solid` is the surface of a body, and `photons` follows light to surfaces. These modules may use those modules of the parent folder that concern
+//! one point.
 //!
 //! Radiance is not scaled by the square of the index inside a body: the factor cancels where light leaves again, and the light that falls
 //! on a surface inside is not scaled either.
@@ -17,6 +18,7 @@ mod caustic;
 mod eye;
 mod facets;
 mod filter;
+mod focused;
 mod lenses;
 mod limits;
 mod media;
@@ -35,6 +37,7 @@ pub(super) use caustic::Lit;
 pub use caustic::{WIDTH as LENS_WIDTH, axis as light_axis, blur as light_blur};
 pub(crate) use eye::{around_eye, asks_for_focus, lenses};
 pub use facets::Facet as Microfacet;
+pub use focused::Focused;
 pub use lenses::{Lens, Lenses};
 pub use media::{Border, Crossing, MOST, Media};
 pub use photon_map::{ALIKE as PHOTON_ALIKE, Cloud, FLAT as PHOTON_FLAT, Photon, PhotonMap};

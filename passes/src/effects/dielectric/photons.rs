@@ -224,7 +224,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     #[inline(never)]
     pub(in crate::effects) fn photon_light(&self, surface: &Surface, facing: Vec3, lit: &Lit) -> Vec3 {
         let mut light = Vec3::ZERO;
-        self.photons.each_near(surface.position(), facing, |photon, weight| {
+        self.focused.photons.each_near(surface.position(), facing, |photon, weight| {
             let cosine = (-photon.direction.dot(photon.normal)).max(GRAZING);
             light += photon.power * (weight / cosine) * lit.share(self.light_color, -photon.direction);
         });

@@ -46,7 +46,7 @@ fn shoot_with(world: &World, params: RayParams, seed: u32, coverage: impl Covera
     let shot = Shot::of(world, Vec3::Z * 9.0, []);
     let job = RayJob { seed, ..shot.job(RayProgram::Final, Corrected, params) };
     let tree = world.tree();
-    cpu::new_pass(&job, &tree, coverage, None).expect("a complete job").photons
+    cpu::new_pass(&job, &tree, coverage, None).expect("a complete job").focused.photons
 }
 
 /// A ray that leaves a sphere of radius 1, in a plane with the sphere's axis: x is across the axis, and the light came along -y.
