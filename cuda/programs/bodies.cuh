@@ -98,14 +98,6 @@ template <class Tracer> DEVICE float3 kept_to_eye(const Pass<Tracer> &pass) {
     return transmittance(vector_of(pass.params.bodies[around->list[around->length - 1]].extinction), sqrtf(dot(to, to)));
 }
 
-DEVICE Interface interface_at(const Params &params, float cos_incident, float ratio) {
-    return params.schlick != 0u ? schlick(cos_incident, ratio) : fresnel(cos_incident, ratio);
-}
-
-#ifdef CURITIBA_WAYS
-// What the pass asks of paths that are divided or cut off.
-DEVICE const Ways &ways_asked(const Params &params) { return *(const Ways *)params.segments; }
-#endif
 // The same of a material, whose own reflectance, if it has one, replaces Fresnel's except at total reflection (`interface_of` of `optics.rs`).
 DEVICE Interface face_at(const Params &params, OF_WAYS(unsigned material, ) float cos_incident, float ratio) {
     Interface interface = interface_at(params, cos_incident, ratio);

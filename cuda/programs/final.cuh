@@ -143,7 +143,7 @@ struct PixelSurfaces {
         float3 stored_normal = pass.normal(), view;
         color = xyz(pass.color());
         end.surface = pass.surface_at(triangle, stored_normal, view);
-        end.key = pixel_key(pass.pixel.x, pass.pixel.y, params.seed);
+        end.key = key_of_pixel(pass);
         end.weight = weight_to_eye(pass);
         lit_side = dot(stored_normal, end.surface.facing) < 0.0f ? -end.surface.facing : end.surface.facing;
         pass.shaded_as_seen(stored_normal, end.key);
@@ -206,7 +206,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
 #ifdef CURITIBA_BODIES
     sum = sum + missed_by(surfaces.walk);
 #endif
-    return pass.triangle() != NO_TRIANGLE ? opaque(sum) : pass.color();
+    return pass.triangle() != NO_TRIANGLE ? shown(surfaces.walk, sum) : pass.color();
 }
 #ifdef CURITIBA_BODIES
 template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) { return corrected(pass); }

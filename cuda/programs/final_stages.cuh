@@ -115,7 +115,7 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         last = place;
     }
 #ifdef CURITIBA_BODIES
-    if (pass.inside) params.output[pass.pixel.index] = opaque(missed_by(surfaces.walk));
+    if (pass.inside) params.output[pass.pixel.index] = shown(surfaces.walk, missed_by(surfaces.walk));
 #endif
     if (head == NO_ROOM) pass.rays = {};
     if (pass.inside) params.first_surface[pass.pixel.index] = head;
@@ -210,7 +210,10 @@ DEVICE float4 sum_surfaces(Pass<Bvh> &pass) {
         surface = __float_as_uint(listed(params)[surface].color.w);
     }
 #ifdef CURITIBA_BODIES
-    sum = sum + xyz(params.output[pass.pixel.index]);
-#endif
+    float4 missed = params.output[pass.pixel.index];
+    sum = sum + xyz(missed);
+    return make_float4(sum.x, sum.y, sum.z, missed.w);
+#else
     return opaque(sum);
+#endif
 }

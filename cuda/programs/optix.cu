@@ -33,9 +33,10 @@ extern "C" __global__ void __anyhit__any_hit_shadow() {
 extern "C" __global__ void __anyhit__any_hit_shadow_glass() {
     Hit hit = current_hit();
     Crossings *crossings = asked_crossings();
-    OF_SPHERES(
-        if (crossings != nullptr && (params.asks & ASKS_FOCUSED) && focuses(params, hit.triangle, crossings->origin)) return;)
-    if (crossings != nullptr && covers(params, hit)) add_crossing(*crossings, hit);
+    if (crossings != nullptr && covers(params, hit)) {
+        OF_SPHERES(if ((params.asks & ASKS_FOCUSED) && focuses(params, hit.triangle, crossings->origin)) return;)
+        add_crossing(*crossings, hit);
+    }
     ignore_intersection();
 }
 // For radiance rays; no project names it, since the material says by itself that it has holes.

@@ -23,6 +23,11 @@ struct Pixel {
     unsigned x, y, index;
 };
 
+#ifdef CURITIBA_WAYS
+// What the pass asks of paths that are divided or cut off.
+DEVICE const Ways &ways_asked(const Params &params) { return *(const Ways *)params.segments; }
+#endif
+
 // How many rays of a fan nothing stops, traced one after the other by one thread; counts them.
 template <Accept ACCEPT, class Tracer, class Rays>
 DEVICE unsigned count_open_alone(const Tracer &tracer, const Rays &fan, unsigned samples, RayCounts &rays) {
@@ -161,6 +166,16 @@ template <class Tracer> struct Pass {
 };
 
 DEVICE float4 opaque(float3 color) { return make_float4(color.x, color.y, color.z, 1.0f); }
+// The key of a pixel's random numbers; of a sample of ways, that of its half.
+template <class Tracer> DEVICE unsigned key_of_pixel(const Pass<Tracer> &pass) {
+#ifdef CURITIBA_WAYS
+    const uint4 *samples = ways_asked(pass.params).samples;
+    if (samples != nullptr) return __ldg(samples + pass.pixel.index).x;
+#endif
+    return pixel_key(pass.pixel.x, pass.pixel.y, pass.params.seed);
+}
+// What a pixel shows whose glass was walked.
+template <class Walk> DEVICE float4 shown(const Walk &, float3 color) { return opaque(color); }
 DEVICE float4 splat4(float s) { return make_float4(s, s, s, s); }
 
 // Adds a pixel's rays to the sums, which are spread so that threads seldom meet.

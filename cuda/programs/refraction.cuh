@@ -50,7 +50,7 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     Walk walk;
 #ifdef CURITIBA_WAYS
     // Ways are chosen by the random numbers of the pixel.
-    unsigned key = pixel_key(pass.pixel.x, pass.pixel.y, pass.params.seed);
+    unsigned key = key_of_pixel(pass);
 #else
     constexpr unsigned key = 0u;
 #endif
@@ -58,7 +58,7 @@ template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     BodyEnd end;
     float3 color = splat(0.0f);
     while (walk.advance(pass, end)) color = color + end.weight * met_color(pass.params, end.hit, end.footprint, end.surface);
-    return opaque(color + walk.missed);
+    return shown(walk, color + walk.missed);
 }
 #endif
 

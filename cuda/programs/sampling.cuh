@@ -40,6 +40,17 @@ DEVICE unsigned scramble_reversed(unsigned v, unsigned seed) {
     v ^= v * 0x8d22f6e6u;
     return __brev(v);
 }
+// Both dimensions of a point of the Sobol sequence, bits reversed.
+DEVICE uint2 reversed_sobol(unsigned index) {
+    unsigned second = 0u, column = 1u;
+    for (unsigned digits = index; digits != 0u; digits >>= 1) {
+        if (digits & 1u) second ^= column;
+        column ^= column << 1;
+    }
+    return make_uint2(index, second);
+}
+// A number in a shuffled order, in which each aligned block of 2^k numbers stays a block.
+DEVICE unsigned shuffled(unsigned number, unsigned order) { return scramble_reversed(__brev(number), order); }
 // The lowest digits, the first ones, of what `scramble_reversed` would take to these, before it reverses them.
 DEVICE unsigned unscramble_reversed(unsigned v, unsigned seed, unsigned digits) {
     // Each step v ^= v * c with an even c leaves digits to the lower ones, and so is undone digit by digit.

@@ -328,11 +328,10 @@ DEVICE bool accepts(const Params &params, Accept accept, const Hit &hit, Crossin
     case ACCEPT_STOPS: return !passes_light(params, hit.triangle) && covers(params, hit);
     case ACCEPT_OPAQUE: return !passes_light(params, hit.triangle);
     default:
-        OF_SPHERES(if (params.asks & ASKS_FOCUSED) {
-            if (hit.triangle == crossings->without) return false;
-            if (focuses(params, hit.triangle, crossings->origin)) return true;
-        })
+        OF_SPHERES(const bool focused = (params.asks & ASKS_FOCUSED) != 0u;)
+        OF_SPHERES(if (focused && hit.triangle == crossings->without) return false;)
         if (!covers(params, hit)) return false;
+        OF_SPHERES(if (focused && focuses(params, hit.triangle, crossings->origin)) return true;)
         if (!passes_light(params, hit.triangle)) return true;
         add_crossing(*crossings, hit);
         return false;

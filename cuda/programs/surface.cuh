@@ -165,14 +165,18 @@ DEVICE Surface surface_hit(const Params &params, OF_SPHERES(float3 origin, ) flo
 struct Interface {
     float reflectance, cos_refracted;
 };
-DEVICE Interface fresnel(float cos_incident, float index_of_pane) {
+// Of light that is polarised across the plane of incidence (FRESNEL_S), in it (FRESNEL_P), or not at all.
+DEVICE Interface fresnel(float cos_incident, float index_of_pane, unsigned weights) {
     double cos_in = (double)fminf(fmaxf(cos_incident, 0.0f), 1.0f), index = (double)index_of_pane;
     double discriminant = index * index - 1.0 + cos_in * cos_in;
     if (discriminant <= 0.0) return {1.0f, 0.0f};
     double cos_out = sqrt(discriminant) / index;
     double perpendicular = (cos_in - index * cos_out) / (cos_in + index * cos_out);
     double parallel = (index * cos_in - cos_out) / (index * cos_in + cos_out);
-    return {(float)(0.5 * (perpendicular * perpendicular + parallel * parallel)), (float)cos_out};
+    double reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
+    if (weights == FRESNEL_S) reflectance = perpendicular * perpendicular;
+    if (weights == FRESNEL_P) reflectance = parallel * parallel;
+    return {(float)reflectance, (float)cos_out};
 }
 DEVICE Interface schlick(float cos_incident, float index) {
     float cos_in = fminf(fmaxf(cos_incident, 0.0f), 1.0f);
@@ -183,9 +187,11 @@ DEVICE Interface schlick(float cos_incident, float index) {
     float away = 1.0f - (index < 1.0f ? cos_out : cos_in), square = away * away;
     return {fminf(zero + (1.0f - zero) * (square * square * away), 1.0f), cos_out};
 }
-DEVICE Interface interface_of(const Params &params, float cos_incident) {
-    return params.schlick != 0u ? schlick(cos_incident, params.index) : fresnel(cos_incident, params.index);
+DEVICE Interface interface_at(const Params &params, float cos_incident, float ratio) {
+    unsigned weights = params.fresnel;
+    return weights == FRESNEL_SCHLICK ? schlick(cos_incident, ratio) : fresnel(cos_incident, ratio, weights);
 }
+DEVICE Interface interface_of(const Params &params, float cos_incident) { return interface_at(params, cos_incident, params.index); }
 DEVICE bool refract(const Interface &interface, float3 i, float3 n, float index, float3 &out) {
     if (interface.reflectance >= 1.0f) return false;
     float3 along = i - n * dot(n, i);

@@ -103,11 +103,19 @@ struct WaysWalk {
     BodyEnd veil;
     // What the background adds where rays leave the scene, or are not followed.
     float3 missed = {0.0f, 0.0f, 0.0f};
+    // Of a sample (`Sample` of `ways.rs`): the number of the first way, how many ways a path is divided into, and the events that it met
+    // (MET_CHANCE, MET_DIVIDED).
+    unsigned first = 0, taken = 1, met = 0;
 
     // Starts at a pixel that shows glass, of whose light the share `kept` reaches the eye.
     template <class Tracer>
     DEVICE_MEMBER void enter_pixel(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 view, unsigned key, float3 kept) {
         const Params &params = pass.params;
+        if (ways_asked(params).samples != nullptr) {
+            uint4 sample = __ldg(ways_asked(params).samples + pass.pixel.index);
+            first = sample.y;
+            taken = sample.z;
+        }
         now.hit = located(params, triangle, xyz(pass.position()));
         now.surface = surface;
         now.view = view;
@@ -120,8 +128,14 @@ struct WaysWalk {
 
     // The key of what a path meets where it ends.
     DEVICE_MEMBER unsigned own_key(const Path &path) const {
-        return path.sample == NO_WAY ? path.key : path_key(path.key, BRANCH_SCATTERED + path.sample);
+        // A path that was not divided has a key for each time that it is followed.
+        unsigned way = path.sample == NO_WAY && first > 0 ? first : path.sample;
+        return way == NO_WAY ? path.key : path_key(path.key, BRANCH_SCATTERED + way);
     }
+    // Whether the path is a sample of some ways, and not of all.
+    DEVICE_MEMBER bool is_sample(const Params &params) const { return (ways_asked(params).asks & WAYS_SAMPLED) != 0u; }
+    // The number of ways on from rough glass.
+    DEVICE_MEMBER unsigned facet_ways(const Params &params) const { return is_sample(params) ? taken : ways_asked(params).facet_count; }
     DEVICE_MEMBER float4 stratum_of(const Params &params, unsigned stratum) const { return __ldg(ways_asked(params).strata + stratum); }
     // The index of what fills a place, for light of a path's wavelength.
     DEVICE_MEMBER float index_for(const Params &params, unsigned body, unsigned stratum) const {
@@ -144,7 +158,7 @@ struct WaysWalk {
 
     // By what a branch of this weight counts that is followed as `path`: 1, or more where it was followed by chance; 0 where chance left it
     // out, -1 where it is cut off.
-    DEVICE_MEMBER float kept(const Params &params, float3 weight, unsigned kind, Path &path) const {
+    DEVICE_MEMBER float kept(const Params &params, float3 weight, unsigned kind, Path &path) {
         const Ways &ways = ways_asked(params);
         if ((ways.asks & WAYS_CUT) == 0u) return 1.0f;
         bool mirrors = kind == BRANCH_REFLECTED;
@@ -155,6 +169,7 @@ struct WaysWalk {
         path.importance = path.importance * greatest(absolute(weight));
         if (path.importance >= ways.cutoff) return 1.0f;
         if ((ways.asks & WAYS_ROULETTE) == 0u) return -1.0f;
+        if (is_sample(params)) met |= MET_CHANCE;
         float chance = path.importance / ways.cutoff;
         unsigned wavelength = path.stratum == NO_WAY ? 0u : __float_as_uint(stratum_of(params, path.stratum).w);
         unsigned key = path_key(path_key(own_key(path), wavelength), ways.chances);
@@ -203,8 +218,12 @@ struct WaysWalk {
     DEVICE_MEMBER bool splits(const Params &params) const { return now.path.splits < params.depth; }
     // Keeps the meeting, whose path is divided.
     DEVICE_MEMBER void divide(Part by, float3 reflected, unsigned ways) { divisions[divided++] = {now, reflected, by, 0, ways, count}; }
+    DEVICE_MEMBER void divide_by_facet(const Params &params) {
+        if (is_sample(params)) met |= MET_DIVIDED;
+        divide(BY_FACET, splat(0.0f), facet_ways(params));
+    }
     // Takes the next way of the meeting that was divided last, or leaves it behind.
-    DEVICE_MEMBER void go_on() {
+    DEVICE_MEMBER void go_on(const Params &params) {
         Division &last = divisions[divided - 1];
         unsigned way = last.following++;
         if (way == last.ways) {
@@ -215,13 +234,41 @@ struct WaysWalk {
         part = last.part;
         together = last.together;
         meets = true;
-        if (part == BY_COLOR) {
-            now.path.stratum = way;
-        } else {
-            now.path.sample = way;
-            now.path.importance = now.path.importance / (float)last.ways;
+        if (part == BY_FACET) {
+            now.path.sample = first + way;
+            // Cut-offs of a sample do not depend on the number of its ways.
+            if (!is_sample(params)) now.path.importance = now.path.importance / (float)last.ways;
             now.weight = now.weight / (float)last.ways;
+        } else if (is_sample(params)) {
+            now.path.stratum = sampled_stratum(params, now.path, way);
+            if (way > 0) now.path.sample = color_way(now.path, way);
+        } else {
+            now.path.stratum = way;
         }
+    }
+
+    // The ways of a sample at a surface that bends colours apart: light of the reference wavelength is way 0, and each further one has the
+    // number `color_way` and one stratum (`sampled_spectrum` of `solid.rs`). The table of strata ends with the reference.
+    DEVICE_MEMBER unsigned colors_taken(const Path &path) const { return path.sample == NO_WAY ? taken : 1u; }
+    DEVICE_MEMBER unsigned color_way(const Path &path, unsigned way) const { return (path.sample == NO_WAY ? first : path.sample) + way - 1u; }
+    DEVICE_MEMBER unsigned sampled_stratum(const Params &params, const Path &path, unsigned way) const {
+        const Ways &ways = ways_asked(params);
+        if (way == 0u) return ways.stratum_count;
+        uint2 seeds = dimensions(path.key, HASH_SPECTRUM);
+        unsigned place = scramble_reversed(shuffled(ways.offset + color_way(path, way), seeds.y), seeds.x);
+        return (unsigned)((unsigned long long)place * ways.stratum_count >> 32);
+    }
+    // What light of a stratum counts; of a sample, whose path is divided into this number of colours and the reference, which has what they leave.
+    DEVICE_MEMBER float3 weight_of(const Params &params, unsigned stratum, unsigned colors) const {
+        unsigned count = ways_asked(params).stratum_count;
+        if (!is_sample(params)) return xyz(stratum_of(params, stratum));
+        float scale = (float)count / (float)colors;
+        if (stratum < count) return xyz(stratum_of(params, stratum)) * scale;
+        float3 rest = splat(1.0f);
+        for (unsigned way = 1; way <= colors; ++way) {
+            rest = rest - xyz(stratum_of(params, sampled_stratum(params, now.path, way))) * scale;
+        }
+        return rest;
     }
 
     // Whether the path meets a microfacet; then it is `facet`.
@@ -229,7 +276,11 @@ struct WaysWalk {
         if (now.path.sample == NO_WAY) return false;
         float alpha = alpha_here(params, face);
         if (alpha <= 0.0f) return false;
-        uint2 place = __ldg(ways_asked(params).facets + now.path.sample), seeds = dimensions(now.path.key, HASH_FACETS);
+        const Ways &ways = ways_asked(params);
+        uint2 seeds = dimensions(now.path.key, HASH_FACETS);
+        uint2 place = is_sample(params)
+                          ? reversed_sobol(shuffled(ways.offset + now.path.sample, dimensions(now.path.key, HASH_FACET_ORDER).x))
+                          : __ldg(ways.facets + now.path.sample);
         float2 point = make_float2(unit_of(scramble_reversed(place.x, seeds.x)), unit_of(scramble_reversed(place.y, seeds.y)));
         facet = facet_seen(alpha, interface_normal(now.surface, now.view), now.view, point);
         return true;
@@ -281,11 +332,11 @@ struct WaysWalk {
         Onward on;
         float3 weight, back, through;
     };
-    DEVICE_MEMBER Stratum stratum_at(const Params &params, unsigned material, const Border &border, unsigned index) const {
-        float4 numbers = stratum_of(params, index);
+    DEVICE_MEMBER Stratum stratum_at(const Params &params, unsigned material, const Border &border, unsigned index, unsigned colors) const {
+        unsigned color = index < ways_asked(params).stratum_count ? index : NO_WAY;
         Stratum stratum;
-        stratum.on = onward(params, material, index_for(params, border.behind, index) / index_for(params, border.before, index));
-        stratum.weight = xyz(numbers);
+        stratum.on = onward(params, material, index_for(params, border.behind, color) / index_for(params, border.before, color));
+        stratum.weight = weight_of(params, index, colors);
         stratum.back = stratum.weight * (stratum.on.reflectance * stratum.on.kept_back) * vector_of(ways_asked(params).faces[material].mirrors);
         stratum.through = stratum.weight * ((1.0f - stratum.on.reflectance) * stratum.on.kept_on);
         return stratum;
@@ -295,19 +346,23 @@ struct WaysWalk {
         const Params &params = pass.params;
         float3 direction = now.view, reflected = splat(0.0f), entering = reflected;
         Cone cone = now.path.cone;
-        unsigned strata = ways_asked(params).stratum_count, deeper = 0;
+        bool sampled = is_sample(params);
+        unsigned colors = colors_taken(now.path), deeper = 0, strata = sampled ? colors + 1u : ways_asked(params).stratum_count;
+        if (sampled) met |= MET_DIVIDED;
 #pragma unroll 1
         for (unsigned i = 0; i < strata; ++i) {
-            Stratum stratum = stratum_at(params, material, border, i);
+            Stratum stratum = stratum_at(params, material, border, sampled ? sampled_stratum(params, now.path, i) : i, colors);
             const Onward &on = stratum.on;
-            entering = entering + stratum.weight * (1.0f - on.reflectance);
-            // Beyond the depth light goes through, with the weight of both.
-            bool goes_on = on.enters && !splits(params);
-            if (on.enters && !goes_on && !is_black(stratum.back)) deeper = 1;
             if (i == 0) {
                 direction = on.mirrored;
                 cone = on.back;
             }
+            // Of a sample, what counts nothing is not followed.
+            if (sampled && is_black(stratum.weight)) continue;
+            entering = entering + stratum.weight * (1.0f - on.reflectance);
+            // Beyond the depth light goes through, with the weight of both.
+            bool goes_on = on.enters && !splits(params);
+            if (on.enters && !goes_on && !is_black(stratum.back)) deeper = 1;
             if (equal(on.mirrored, direction) && !goes_on) reflected = reflected + stratum.back;
         }
         if (!is_black(reflected)) follow(pass, direction, reflected, now.path.media, BRANCH_REFLECTED, deeper, cone);
@@ -317,8 +372,14 @@ struct WaysWalk {
     }
     // Takes one.
     template <class Tracer> DEVICE_MEMBER void follow_stratum(Pass<Tracer> &pass, unsigned material, const Border &border, float3 filter) {
-        Stratum stratum = stratum_at(pass.params, material, border, now.path.stratum);
+        // The division that is followed is the last one.
+        Stratum stratum = stratum_at(pass.params, material, border, now.path.stratum, divisions[divided - 1].ways - 1u);
         const Onward &on = stratum.on;
+        if (is_sample(pass.params)) {
+            if (is_black(stratum.weight)) return;
+            // Cut-offs do not depend on the number of wavelengths.
+            now.path.importance = now.path.importance / greatest(absolute(stratum.weight));
+        }
         bool both = splits(pass.params), goes_on = on.enters && !both;
         float3 through = stratum.through * filter;
         if (goes_on) through = stratum.back + through;
@@ -342,7 +403,7 @@ struct WaysWalk {
         bool scatters = now.path.sample == NO_WAY && ways.facet_count > 0 && alpha_here(params, face) > 0.0f;
         if (body.shape != SHAPE_SOLID) {
             if (body.shape != SHAPE_THIN) return pane(pass);
-            if (scatters) return divide(BY_FACET, splat(0.0f), ways.facet_count);
+            if (scatters) return divide_by_facet(params);
             return thin(pass, material);
         }
         Border border = cross_border(params, now.path.media, material, is_front(now.surface));
@@ -358,7 +419,7 @@ struct WaysWalk {
             follow(pass, now.view, filter, border.after, BRANCH_REFRACTED, 0, now.path.cone);
             return scatter_back(params, body, splat(1.0f));
         }
-        if (scatters) return divide(BY_FACET, splat(0.0f), ways.facet_count);
+        if (scatters) return divide_by_facet(params);
         if (bends_apart) return scatter_back(params, body, disperse(pass, material, border));
         Onward on = onward(params, material, ratio);
         split(pass, on.mirrored, on.reflectance * on.kept_back * vector_of(face.mirrors), on.enters, on.refracted,
@@ -436,7 +497,7 @@ struct WaysWalk {
                 return true;
             }
             if (!follows && divided > 0 && count == divisions[divided - 1].base) {
-                go_on();
+                go_on(params);
                 continue;
             }
             if (!follows) {
@@ -466,3 +527,5 @@ struct WaysWalk {
         }
     }
 };
+// Beside the colour of a sample, what it met.
+DEVICE float4 shown(const WaysWalk &walk, float3 color) { return make_float4(color.x, color.y, color.z, 1.0f + (float)walk.met); }

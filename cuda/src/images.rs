@@ -28,6 +28,8 @@ pub(crate) struct Images {
     pub strata: Table<f32>,
     /// Points from which microfacets are sampled.
     pub facets: Table<u32>,
+    /// The ways of each pixel, for a sample.
+    pub samples: Buffer<u32>,
     pub ways: Table<Ways>,
     /// The light that glass focuses.
     pub focused: FocusedBuffers,
@@ -44,13 +46,15 @@ impl Images {
         let tables = [self.open_share.bytes(), self.through_glass.bytes(), self.sobol.bytes()];
         let lights = self.lights.bytes() + self.emissions.bytes() + self.disc.bytes();
         let materials = self.shades.bytes() + self.bodies.bytes() + self.around_eye.bytes();
-        let ways = self.faces.bytes() + self.strata.bytes() + self.facets.bytes() + self.ways.bytes();
+        let tables_of_ways = self.faces.bytes() + self.strata.bytes() + self.facets.bytes();
+        let ways = tables_of_ways + self.samples.bytes() + self.ways.bytes();
         let others = [self.triangle.bytes(), self.counts.bytes(), materials, lights, ways, self.focused.bytes()];
         [&attachments[..], &tables, &others].concat().iter().sum()
     }
 
     /// Copies the parameters and tables for paths in glass that split or are cut off.
-    pub fn set_ways(&mut self, device: &Device, tables: WayTables) -> Result<(), BackendError> {
+    /// `samples` are the ways of each pixel of a sample ([`Sampling`](curitiba_passes::adaptive::Sampling)); empty if they are not listed.
+    pub fn set_ways(&mut self, device: &Device, tables: WayTables, samples: &[[u32; 4]]) -> Result<(), BackendError> {
         let WayTables { faces, strata, facets, ways } = tables;
         self.faces.set(device, "the surfaces of glass", faces)?;
         if !strata.is_empty() {
@@ -61,7 +65,8 @@ impl Images {
         }
         let (faces, strata, facets) =
             (self.faces.address(device), self.strata.address(device), self.facets.address(device));
-        self.ways.set(device, "what is asked of paths in glass", vec![Ways { faces, strata, facets, ..ways }])
+        let samples = device.replace_all("the ways of each pixel", &mut self.samples, &[samples.as_flattened()])?[0];
+        self.ways.set(device, "what is asked of paths in glass", vec![Ways { faces, strata, facets, samples, ..ways }])
     }
 }
 

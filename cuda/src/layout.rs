@@ -6,6 +6,7 @@ use curitiba_passes::effects::constants as effects;
 pub use curitiba_passes::effects::constants::{MAX_CROSSINGS, MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS_ENTRIES};
 use curitiba_passes::trace::{SPHERE_BOUNDS, SPHERE_STACK, gpu_tree};
 use curitiba_pipeline::glass::{CAUCHY, CAUCHY_AT_D, Dielectric};
+use curitiba_pipeline::programs::Fresnel;
 use curitiba_pipeline::scene::normal_map;
 use std::fmt::Write as _;
 
@@ -121,15 +122,19 @@ shared_structs! {
     struct Ways {
         /// Glass data of each material, in addition to [`Params::bodies`].
         faces: Address = "const Face *",
-        /// Strata of the spectrum: for each, the weights of red, green and blue, and the wavelength in nanometres.
+        /// Strata of the spectrum: for each, the weights of red, green and blue, and the wavelength in nanometres. Behind the last is the wavelength at
+        /// which materials state their index.
         strata: Address = "const float4 *",
         /// Points of the unit square from which microfacets are sampled, bits reversed; one for each way that continues from rough glass.
         facets: Address = "const uint2 *",
+        /// With [`WAYS_SAMPLED`], for each pixel: the key of its random numbers, the number of the first way, the number of ways, and 0. Null:
+        /// the pixel's own key, and way 0.
+        samples: Address = "const uint4 *",
         /// Number of strata; 0 without dispersion.
         stratum_count: u32 = "unsigned",
         /// Number of ways that continue from rough glass; 0 where no glass is rough.
         facet_count: u32 = "unsigned",
-        /// Flags: [`WAYS_CUT`], [`WAYS_ROULETTE`], [`WAYS_BACKGROUND`].
+        /// Flags: [`WAYS_CUT`], [`WAYS_ROULETTE`], [`WAYS_BACKGROUND`], [`WAYS_SAMPLED`].
         asks: u32 = "unsigned",
         /// With [`WAYS_CUT`]: a path is cut off where less than this share of the pixel's colour depends on it.
         cutoff: f32 = "float",
@@ -139,8 +144,8 @@ shared_structs! {
         refractions: u32 = "unsigned",
         /// With [`WAYS_ROULETTE`]: key of the random numbers; it differs from one sample of a pixel to the next.
         chances: u32 = "unsigned",
-        /// Fills the struct up to its alignment.
-        unused: u32 = "unsigned",
+        /// With [`WAYS_SAMPLED`]: position of way 0 in the sequence of points.
+        offset: u32 = "unsigned",
     }
 
     /// A light of a pass with several lights, a light with a position or a disc light: `Light` of the pipeline.
@@ -421,8 +426,8 @@ shared_structs! {
         beyond: [f32; 3] = "float[3]",
         /// Flags: [`ASKS_STRAIGHT`], [`ASKS_EYE`], [`ASKS_FOCUSED`].
         asks: u32 = "unsigned",
-        /// 1: Schlick's approximation for glass; 0: Fresnel's equations.
-        schlick: u32 = "unsigned",
+        /// How much interfaces of glass reflect: [`FRESNEL_EXACT`], [`FRESNEL_SCHLICK`], [`FRESNEL_S`] or [`FRESNEL_P`].
+        fresnel: u32 = "unsigned",
         /// Greatest length of a list of nearby triangles, for each part of the radius; at most [`LISTED`].
         listed: [u32; REACHES as usize - 1] = "unsigned[2]",
         /// Width of a pixel's ray cone at the eye, in scene units. This and `cone_spread` are 0 where textures are read at level 0.
@@ -496,6 +501,14 @@ pub const SHAPE_PANE: u32 = 1;
 pub const SHAPE_THIN: u32 = 2;
 /// The surface of a body.
 pub const SHAPE_SOLID: u32 = 3;
+/// Fresnel's equations for unpolarised light.
+pub const FRESNEL_EXACT: u32 = Fresnel::Exact as u32;
+/// Schlick's approximation.
+pub const FRESNEL_SCHLICK: u32 = Fresnel::Schlick as u32;
+/// Fresnel's equation for light that is polarised across the plane of incidence.
+pub const FRESNEL_S: u32 = Fresnel::S as u32;
+/// Fresnel's equation for light that is polarised in the plane of incidence.
+pub const FRESNEL_P: u32 = Fresnel::P as u32;
 /// Vertex colours do not affect the filter.
 pub const VERTEX_COLORS_NONE: u32 = 0;
 /// Vertex colours are linear shares of light.
@@ -508,6 +521,8 @@ pub const WAYS_CUT: u32 = 1;
 pub const WAYS_ROULETTE: u32 = 2;
 /// Paths that are cut off show the background; if unset, black.
 pub const WAYS_BACKGROUND: u32 = 4;
+/// Each pixel follows some of its ways, which are a sample.
+pub const WAYS_SAMPLED: u32 = 8;
 /// Marks the medium outside all bodies.
 pub const NO_BODY: u32 = u32::MAX;
 /// Size of a list of bodies in bytes: [`effects::MOST_BODIES`] entries and their number.
@@ -572,12 +587,19 @@ pub fn header() -> String {
         ("SHAPE_PANE", SHAPE_PANE),
         ("SHAPE_THIN", SHAPE_THIN),
         ("SHAPE_SOLID", SHAPE_SOLID),
+        ("FRESNEL_EXACT", FRESNEL_EXACT),
+        ("FRESNEL_SCHLICK", FRESNEL_SCHLICK),
+        ("FRESNEL_S", FRESNEL_S),
+        ("FRESNEL_P", FRESNEL_P),
         ("VERTEX_COLORS_NONE", VERTEX_COLORS_NONE),
         ("VERTEX_COLORS_LINEAR", VERTEX_COLORS_LINEAR),
         ("VERTEX_COLORS_DISPLAY", VERTEX_COLORS_DISPLAY),
         ("WAYS_CUT", WAYS_CUT),
         ("WAYS_ROULETTE", WAYS_ROULETTE),
         ("WAYS_BACKGROUND", WAYS_BACKGROUND),
+        ("WAYS_SAMPLED", WAYS_SAMPLED),
+        ("MET_CHANCE", effects::MET_CHANCE.into()),
+        ("MET_DIVIDED", effects::MET_DIVIDED.into()),
         ("NO_BODY", NO_BODY),
         ("MOST_BODIES", effects::MOST_BODIES),
         ("MOST_SURFACES", effects::MOST_SURFACES),
@@ -591,6 +613,8 @@ pub fn header() -> String {
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
         ("HASH_DISC", effects::DISC),
         ("HASH_FACETS", effects::FACETS),
+        ("HASH_FACET_ORDER", effects::FACET_ORDER),
+        ("HASH_SPECTRUM", effects::SPECTRUM),
         ("HASH_ROULETTE", effects::ROULETTE),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),

@@ -6,10 +6,11 @@
 
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
-use crate::one_gpu::{DeviceTracer, OneGpu};
+use crate::one_gpu::{DeviceTracer, OneGpu, Work};
 use crate::programs::Key;
 use crate::stripes::{Stripe, launches, pixels_of_launch};
 use crate::{peers, programs, shared_gbuffer};
+use curitiba_passes::adaptive::{Sampling, asked, sample_on_device};
 use curitiba_passes::cpu::{FindsFocused, check};
 use curitiba_passes::effects::Lighting;
 use curitiba_passes::effects::dielectric::{Focused, Variant};
@@ -17,6 +18,7 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBacke
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::Refused;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
@@ -192,6 +194,10 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         true
     }
 
+    fn samples_adaptively(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.gpus.iter_mut().for_each(OneGpu::clear);
         self.focused = FindsFocused::new(filtered);
@@ -234,6 +240,46 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if progress.is_given_up() {
             return Ok(RayStats::default());
         }
+        let stats = match asked(job) {
+            None => self.trace(Work { job, focused: &focused, sampling: Sampling::All }, output, progress)?,
+            Some(_) if job.shared.is_some() => {
+                return Err(check::missing(
+                    T::NAME,
+                    job,
+                    "it samples adaptively, and its G-buffer is not in host memory",
+                ));
+            }
+            Some(error) => {
+                let rounds = progress.part();
+                let mut run = |job: &RayJob<'_>, sampling: Sampling<'_>, output: &mut Image| {
+                    self.trace(Work { job, focused: &focused, sampling }, output, &rounds)
+                };
+                let refused = |refused: Refused| check::missing(T::NAME, job, &refused.to_string());
+                sample_on_device(job, error, (output, progress), &mut run, &refused)?
+            }
+        };
+        Ok(with_photons(stats, &focused))
+    }
+
+    fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
+        check::buffers(T::NAME, job)?;
+        check_job::<T>(job)?;
+        check::adaptive(T::NAME, job)?;
+        let focused = self.focused.of(T::NAME, job, progress)?;
+        let [gpu] = self.gpus.as_mut_slice() else {
+            return Err(check::missing(T::NAME, job, "the picture of several GPUs does not lie on one of them"));
+        };
+        let mut whole = [Stripe { first_row: 0, rows: job.height, pixels: &mut [] }];
+        progress.start(launches(&whole, job.width, pixels_of_launch(job)).len() as u64);
+        let work = Work { job, focused: &focused, sampling: Sampling::All };
+        Ok(with_photons(gpu.run_in_place(work, &mut whole, progress)?, &focused))
+    }
+}
+
+impl<T: DeviceTracer> DeviceRays<T> {
+    /// Runs a job, which must have been checked, on all GPUs.
+    fn trace(&mut self, work: Work<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        let job = work.job;
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
         let pixels = pixels_of_launch(job);
         progress.start(shares.iter().map(|share| launches(share, job.width, pixels).len() as u64).sum());
@@ -246,21 +292,9 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             if share.is_empty() {
                 return Ok(RayStats::default());
             }
-            gpu.run((job, &focused), &mut share, lent.as_ref().filter(|_| index != owner), progress)
+            gpu.run(work, &mut share, lent.as_ref().filter(|_| index != owner), progress)
         })?;
-        Ok(with_photons(together(&parts), &focused))
-    }
-
-    fn run_in_place(&mut self, job: &RayJob<'_>, _: usize, progress: &Progress) -> Result<RayStats, BackendError> {
-        check::buffers(T::NAME, job)?;
-        check_job::<T>(job)?;
-        let focused = self.focused.of(T::NAME, job, progress)?;
-        let [gpu] = self.gpus.as_mut_slice() else {
-            return Err(check::missing(T::NAME, job, "the picture of several GPUs does not lie on one of them"));
-        };
-        let mut whole = [Stripe { first_row: 0, rows: job.height, pixels: &mut [] }];
-        progress.start(launches(&whole, job.width, pixels_of_launch(job)).len() as u64);
-        Ok(with_photons(gpu.run_in_place((job, &focused), &mut whole, progress)?, &focused))
+        Ok(together(&parts))
     }
 }
 
@@ -272,7 +306,6 @@ fn check_job<T: DeviceTracer>(job: &RayJob<'_>) -> Result<(), BackendError> {
     if job.program != RayProgram::Dummy {
         check::scene(T::NAME, job, true)?;
         check::filter(T::NAME, job)?;
-        check::adaptive(T::NAME, job)?;
     }
     Ok(())
 }

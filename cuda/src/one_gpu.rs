@@ -17,6 +17,7 @@ use crate::stripes::{Launch, Stripe, launches, pixels_of_launch};
 use crate::ways::WayTables;
 use cudarc::driver::CudaEvent;
 use cudarc::driver::sys::CUevent_flags;
+use curitiba_passes::adaptive::Sampling;
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::effects::dielectric::{Focused, Variant};
@@ -26,7 +27,7 @@ use curitiba_passes::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, PixelCone, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{GlassShadow, Shape};
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, TextureLod};
+use curitiba_pipeline::programs::{Fidelity, RayProgram, TextureLod};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::{SharedGBuffer, after_picture};
 use std::collections::VecDeque;
@@ -92,6 +93,16 @@ fn stopped(program: RayProgram, code: i64) -> String {
     };
     let stem = program.info().stem;
     format!("running `{stem}`: OptiX stopped it with exception {code}: {meaning}; please report it, with the project")
+}
+
+/// A job on a device.
+#[derive(Clone, Copy)]
+pub(crate) struct Work<'a> {
+    pub job: &'a RayJob<'a>,
+    /// The light that glass focuses in it.
+    pub focused: &'a Focused,
+    /// Which ways its paths follow.
+    pub sampling: Sampling<'a>,
 }
 
 /// One GPU with its own copy of scene and structure.
@@ -215,8 +226,7 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// to a buffer of this GPU.
     fn describe(
         &mut self,
-        job: &RayJob<'_>,
-        focused: &Focused,
+        Work { job, focused, sampling }: Work<'_>,
         copied: bool,
         picture: Option<Address>,
     ) -> Result<Params, BackendError> {
@@ -269,7 +279,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         }
         let follows_ways = Variant::of(job) == Variant::Ways;
         if follows_ways {
-            images.set_ways(device, WayTables::of(job))?;
+            images.set_ways(device, WayTables::of(job, sampling), sampling.list())?;
         }
         let cone = if job.texture_lod() == TextureLod::Cones { job.cone } else { PixelCone::default() };
         device.clear("the ray counts", &mut images.counts, EXCEPTION_SLOT as usize + 1)?;
@@ -327,7 +337,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             scene_high: [0.0; 3],
             beyond: job.beyond.to_array(),
             asks,
-            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            fresnel: job.params.fresnel as u32,
             listed: [0; REACHES as usize - 1],
             cone_width: cone.width,
             cone_spread: cone.spread,
@@ -438,12 +448,13 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// this GPU's memory, or `lent` by another GPU. After an error, no pixel is valid.
     pub fn run(
         &mut self,
-        (job, focused): (&RayJob<'_>, &Focused),
+        work: Work<'_>,
         stripes: &mut [Stripe<'_>],
         lent: Option<&Lent>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
-        let stats = self.launched((job, focused), stripes, lent, None, progress)?;
+        let job = work.job;
+        let stats = self.launched(work, stripes, lent, None, progress)?;
         let start = Instant::now();
         if let Some(picture) = &self.images.output.0 {
             let parts = stripes.iter_mut().map(|stripe| {
@@ -460,15 +471,16 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// then signalled.
     pub fn run_in_place(
         &mut self,
-        (job, focused): (&RayJob<'_>, &Focused),
+        work: Work<'_>,
         stripes: &mut [Stripe<'_>],
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
+        let job = work.job;
         let room = self.shared(job)?.and_then(|(joined, _)| joined.picture(&self.device));
         let Some(picture) = room else {
             return Err(check::missing(T::NAME, job, "the shared memory has no room for its picture"));
         };
-        let stats = self.launched((job, focused), stripes, None, Some(picture), progress)?;
+        let stats = self.launched(work, stripes, None, Some(picture), progress)?;
         if let Some((joined, value)) = self.shared(job)? {
             joined.signal(&self.device, after_picture(value))?;
         }
@@ -478,18 +490,19 @@ impl<T: DeviceTracer> OneGpu<T> {
     /// Starts the launches of a pass and waits for them. The result does not contain the ray counts yet.
     fn launched(
         &mut self,
-        (job, focused): (&RayJob<'_>, &Focused),
+        work: Work<'_>,
         stripes: &[Stripe<'_>],
         lent: Option<&Lent>,
         picture: Option<Address>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
+        let job = work.job;
         self.device.bind()?;
         self.tracer.load(&self.device, job)?;
         let mut upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
         let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
         let copied = upload.is_some() || borrowed.is_some();
-        let mut params = self.describe(job, focused, copied, picture)?;
+        let mut params = self.describe(work, copied, picture)?;
         let is_built = |scene: &Arc<RenderScene>| std::ptr::eq(&raw const **scene, job.scene);
         if job.texture_lod() == TextureLod::Cones
             && let Some((_, buffers)) = self.built.as_mut().filter(|(scene, _)| is_built(scene))

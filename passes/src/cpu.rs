@@ -244,7 +244,7 @@ fn trace_with(
     (filter, progress): (&mut Filter, &Progress),
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
-    if let Some(error) = adaptive::asked(job) {
+    if let Some(error) = crate::adaptive::asked(job) {
         return adaptive::trace(tracer, job, error, output, progress);
     }
     let tiles = tiles_at_a_time(job);

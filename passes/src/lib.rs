@@ -1,8 +1,9 @@
 //! The steps of a plan: rasterisers, the ray tracer, one module for each effect, and visibility between triangles.
 //!
-//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down.
+//! From the ground up: `trace`, `sampling`, `effects`, `adaptive`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down.
 //! `reference` renders reference pictures, and uses `trace` alone. `docs/architecture.md` is the map.
 
+pub mod adaptive;
 pub mod cpu;
 pub mod effects;
 pub mod explain;

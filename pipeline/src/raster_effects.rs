@@ -189,8 +189,8 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "fresnel",
         about: "how much glass reflects by its angle",
-        valid: "exact, schlick",
-        values: Values::Names(&["exact", "schlick"]),
+        valid: "exact, schlick, s, p",
+        values: Values::Names(&["exact", "schlick", "s", "p"]),
     },
     ParamInfo {
         name: "radius",

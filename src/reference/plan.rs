@@ -149,7 +149,9 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
     }
     if let PassKind::Ray(ray) = &mut pass.kind {
         ray.params.sampler = Sampler::Sobol;
-        ray.params.fresnel = Fresnel::Exact;
+        if ray.params.fresnel == Fresnel::Schlick {
+            ray.params.fresnel = Fresnel::Exact;
+        }
         ray.params.samples = ray.params.samples.min(1);
         ray.params.sun_samples = 1;
         ray.params.filter = 0;

@@ -144,7 +144,15 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
         }
     }
     if info.reads("fresnel") && fidelity == Fidelity::Corrected {
-        [Fresnel::Exact, Fresnel::Schlick].into_iter().for_each(|fresnel| put(RayParams { fresnel, ..pass.params }));
+        // Polarised light is another question, and not another answer.
+        match pass.params.fresnel {
+            polarised @ (Fresnel::S | Fresnel::P) => put(RayParams { fresnel: polarised, ..pass.params }),
+            Fresnel::Exact | Fresnel::Schlick => {
+                [Fresnel::Exact, Fresnel::Schlick]
+                    .into_iter()
+                    .for_each(|fresnel| put(RayParams { fresnel, ..pass.params }));
+            }
+        }
     }
 }
 

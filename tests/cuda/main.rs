@@ -4,6 +4,7 @@
 //! The binary runs on any machine: where the source folder is missing, it looks for the projects in the current folder.
 
 mod accumulate;
+mod adaptive;
 mod caustics;
 mod conformance;
 #[path = "../lamps/mod.rs"]

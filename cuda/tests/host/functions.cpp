@@ -87,11 +87,13 @@ static void samples() {
         put(direction);
         put(to_world(basis_around(vector()), direction));
         float cosine = number(), index = number();
-        Interface exact = fresnel(cosine, index), rough = schlick(cosine, index);
+        Interface exact = fresnel(cosine, index, FRESNEL_EXACT), rough = schlick(cosine, index);
         put(exact.reflectance);
         put(exact.cos_refracted);
         put(rough.reflectance);
         put(rough.cos_refracted);
+        put(fresnel(cosine, index, FRESNEL_S).reflectance);
+        put(fresnel(cosine, index, FRESNEL_P).reflectance);
     }
 }
 

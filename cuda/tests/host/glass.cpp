@@ -144,6 +144,8 @@ int main() {
         numbers(shades[i].diffuse);
         shades[i].texture = word();
         shades[i].flags = word();
+        shades[i].cutoff = number();
+        params.cut |= (unsigned)((shades[i].flags & SHADE_CUT) != 0u);
         numbers(shades[i].glow);
         shades[i].glow_texture = word();
     }
@@ -154,7 +156,7 @@ int main() {
     scene.bound([&](unsigned id) { return !is_sky(params, id); });
     params.index = number();
     params.depth = word();
-    params.schlick = word();
+    params.fresnel = word();
     params.asks = word();
     params.cone_width = number();
     params.cone_spread = number();
@@ -225,12 +227,21 @@ int main() {
         facet.x = word();
         facet.y = word();
     }
-    Ways ways = {faces.data(), strata.data(), facets.data(), (unsigned)strata.size(), (unsigned)facets.size()};
+    // The last one is the wavelength at which materials state their index.
+    unsigned stratum_count = strata.empty() ? 0u : (unsigned)strata.size() - 1u;
+    Ways ways = {faces.data(), strata.data(), facets.data(), nullptr, stratum_count, (unsigned)facets.size()};
     ways.asks = word();
     ways.cutoff = number();
     ways.reflections = word();
     ways.refractions = word();
     ways.chances = word();
+    ways.offset = word();
+    std::vector<uint4> samples(word());
+    for (uint4 &sample : samples) {
+        unsigned key = word(), first = word(), count = word();
+        sample = make_uint4(key, first, count, word());
+    }
+    if (!samples.empty()) ways.samples = samples.data();
     params.segments = (const float4 *)&ways;
 #endif
 #ifdef CURITIBA_SPHERES
@@ -266,7 +277,9 @@ int main() {
     if (params.around_eye != nullptr) find_bodies_around_eye(eye);
     for (unsigned i = 0; i < pixels; ++i) {
         Pass<AllTriangles> pass = {params, tracer, {i % params.width, i / params.width, i}, true, {}};
-        put(xyz(::CURITIBA_COMPUTES(pass)));
+        float4 color = ::CURITIBA_COMPUTES(pass);
+        put(xyz(color));
+        put(color.w);
         put(pass.rays.reflected);
         put(pass.rays.refracted);
         put(pass.rays.lost);

@@ -11,6 +11,7 @@ use curitiba_cuda::scene::{emissions, lights, shades};
 use curitiba_cuda::sobol_table;
 use curitiba_cuda::spheres::Packed;
 use curitiba_cuda::ways::WayTables;
+use curitiba_passes::adaptive::Sampling;
 use curitiba_passes::cpu::{self, FindsFocused};
 use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::effects::{LightTable, Preparation, open_shares};
@@ -26,7 +27,7 @@ use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene, Sphere, T
 use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
 
-const SIZE: u32 = 28;
+pub(crate) const SIZE: u32 = 28;
 pub(crate) const PIXELS: usize = (SIZE * SIZE) as usize;
 const BEYOND: Vec3 = Vec3::new(0.2, 0.5, 0.9);
 
@@ -37,6 +38,8 @@ pub(crate) struct Scene {
     diffuse: Vec<Vec3>,
     /// The sky's colour and texture, for materials that are a sky.
     sky: Vec<Option<Glow>>,
+    /// A material that is cut out where the texture's alpha is low.
+    cut_out: Option<usize>,
     eye: Vec3,
     target: Vec3,
 }
@@ -48,7 +51,7 @@ impl Scene {
             (0..64 * 48_u32).map(|i| [i, i * i, i * 7, 0].map(|code| (code.wrapping_mul(0x9e37_79b9) >> 24) as u8));
         let texture = Texture::new("random".to_owned(), 64, 48, texels.collect());
         let scene = RenderScene { textures: vec![texture], ..RenderScene::default() };
-        Self { scene, dielectrics: Vec::new(), diffuse: Vec::new(), sky: Vec::new(), eye, target }
+        Self { scene, dielectrics: Vec::new(), diffuse: Vec::new(), sky: Vec::new(), cut_out: None, eye, target }
     }
 
     /// Adds triangles with a new material and their own vertices; `normal` gives the normal of a corner from its position and the flat
@@ -104,6 +107,11 @@ impl Scene {
         Self { eye, target, ..self }
     }
 
+    /// The same scene with holes in this material.
+    pub(crate) fn cut_out(self, material: usize) -> Self {
+        Self { cut_out: Some(material), ..self }
+    }
+
     /// The same scene, whose glass materials are changed by `change`, which gets the material's number.
     pub(crate) fn of_glass(mut self, change: impl Fn(usize, &mut Dielectric)) -> Self {
         let glass = self.dielectrics.iter_mut().enumerate().filter(|(_, what)| what.shape != Shape::Opaque);
@@ -119,6 +127,11 @@ impl Scene {
 
     fn is_glass(&self, id: u32) -> bool {
         self.dielectrics[self.material_of(id) as usize].shape != Shape::Opaque
+    }
+
+    /// The processor's tree over the triangles.
+    pub(crate) fn tree(&self) -> Bvh {
+        Bvh::build(&self.scene.geometry, &vec![true; self.dielectrics.len()], Quality::default())
     }
 
     pub(crate) fn is_sphere(&self, id: u32) -> bool {
@@ -267,7 +280,7 @@ pub(crate) struct GBuffer {
     pub(crate) triangle: Vec<u32>,
 }
 
-fn rasterised(scene: &Scene, tree: &impl Tracer) -> GBuffer {
+pub(crate) fn rasterised(scene: &Scene, tree: &impl Tracer) -> GBuffer {
     let geometry: &Geometry = &scene.scene.geometry;
     let forward = (scene.target - scene.eye).normalize();
     let right = forward.cross(Vec3::Y).normalize();
@@ -361,12 +374,11 @@ pub(crate) fn each_pixel(
     asked: Asked<'_>,
     visit: impl FnMut(&GBuffer, usize, [Vec3; 2]),
 ) -> usize {
-    let (geometry, transparent) = (&scene.scene.geometry, vec![true; scene.dielectrics.len()]);
-    let triangles = &Bvh::build(geometry, &transparent, Quality::default());
+    let (geometry, triangles) = (&scene.scene.geometry, &scene.tree());
     if geometry.spheres.is_empty() {
         return each_pixel_on(triangles, program, scene, asked, visit);
     }
-    let spheres = &SphereTree::build(geometry, &transparent);
+    let spheres = &SphereTree::build(geometry, &vec![true; scene.dielectrics.len()]);
     each_pixel_on(&WithSpheres { triangles, spheres }, program, scene, asked, visit)
 }
 
@@ -378,15 +390,26 @@ fn each_pixel_on<T: Tracer>(
     mut visit: impl FnMut(&GBuffer, usize, [Vec3; 2]),
 ) -> usize {
     let seen = rasterised(scene, tree);
-    let shade = |((diffuse, dielectric), sky): ((&Vec3, &Dielectric), &Option<Glow>)| {
-        if sky.is_some() {
-            return Shade { diffuse: Vec4::W, glow: *sky, ..Shade::default() };
+    with_job(scene, &seen, asked, |job| {
+        let mut expected = Image::filled(SIZE, SIZE, [0.0; 4]);
+        let stats = cpu::trace(tree, job, &mut expected, &Progress::default()).expect("the job is whole");
+        each_pixel_of(program, job, (&expected, stats.rays), |pixel, colors| visit(&seen, pixel, colors))
+    })
+}
+
+/// Hands the job over a scene's G-buffer to `run`.
+pub(crate) fn with_job<R>(scene: &Scene, seen: &GBuffer, asked: Asked<'_>, run: impl FnOnce(&RayJob<'_>) -> R) -> R {
+    let shade = |material: usize| {
+        if scene.sky[material].is_some() {
+            return Shade { diffuse: Vec4::W, glow: scene.sky[material], ..Shade::default() };
         }
-        let texture = (dielectric.shape == Shape::Opaque).then_some(0);
+        let alpha_cutoff = (scene.cut_out == Some(material)).then_some(0.5);
+        let is_opaque = scene.dielectrics[material].shape == Shape::Opaque;
+        let texture = (is_opaque || alpha_cutoff.is_some()).then_some(0);
         let emission = if asked.lights.is_empty() { Vec4::ZERO } else { Vec4::new(0.2, 0.1, 0.0, 0.0) };
-        Shade { diffuse: diffuse.extend(1.0), texture, emission, ..Shade::default() }
+        Shade { diffuse: scene.diffuse[material].extend(1.0), texture, emission, alpha_cutoff, ..Shade::default() }
     };
-    let shades: Vec<Shade> = scene.diffuse.iter().zip(&scene.dielectrics).zip(&scene.sky).map(shade).collect();
+    let shades: Vec<Shade> = (0..scene.diffuse.len()).map(shade).collect();
     let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
     let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
     let params = RayParams {
@@ -435,9 +458,7 @@ fn each_pixel_on<T: Tracer>(
         beyond: BEYOND,
         dielectrics: if asked.panes { &[] } else { &scene.dielectrics },
     };
-    let mut expected = Image::filled(SIZE, SIZE, [0.0; 4]);
-    let stats = cpu::trace(tree, &job, &mut expected, &Progress::default()).expect("the job is whole");
-    each_pixel_of(program, &job, (&expected, stats.rays), |pixel, colors| visit(&seen, pixel, colors))
+    run(&job)
 }
 
 /// Hands each pixel of a job to `visit`, with the results of the device program and of the processor. Returns the number of ray kinds whose
@@ -448,14 +469,13 @@ pub(crate) fn each_pixel_of(
     (expected, rays): (&Image, RayCounts),
     mut visit: impl FnMut(usize, [Vec3; 2]),
 ) -> usize {
-    let found = run(program, "", &serialised(job));
-    let found = found.as_chunks::<7>().0;
+    let found = pixels_of(program, job, Sampling::All);
     assert_eq!(found.len(), expected.pixels.len());
     let mut counts = [0_u64; 4];
     for (pixel, (found, expected)) in found.iter().zip(&expected.pixels).enumerate() {
         let color = Vec3::from([0, 1, 2].map(|channel| f32::from_bits(found[channel])));
         visit(pixel, [color, Vec3::from_slice(expected)]);
-        counts.iter_mut().zip(&found[3..]).for_each(|(count, found)| *count += u64::from(*found));
+        counts.iter_mut().zip(&found[4..]).for_each(|(count, found)| *count += u64::from(*found));
     }
     // Shadow rays of `final` are not compared. The processor traces some of a tile's rays to one light together first, and traces those through
     // glass again; it also lights surfaces that add nothing to the pixel.
@@ -464,8 +484,14 @@ pub(crate) fn each_pixel_of(
     counts.iter().zip(&expected).filter(|(a, b)| a != b).count()
 }
 
+/// For each pixel of a job that a host program runs: the four channels of its colour, and the rays that are reflected, refracted, lost, and
+/// traced to the light.
+pub(crate) fn pixels_of(program: &Path, job: &RayJob<'_>, sampling: Sampling<'_>) -> Vec<[u32; 8]> {
+    run(program, "", &serialised(job, sampling)).as_chunks().0.to_vec()
+}
+
 /// A job as a host program reads it: each triangle has corners of its own.
-fn serialised(job: &RayJob<'_>) -> Vec<u32> {
+fn serialised(job: &RayJob<'_>, sampling: Sampling<'_>) -> Vec<u32> {
     let geometry = &job.scene.geometry;
     let corners = || geometry.triangles.iter().flatten().map(|vertex| *vertex as usize);
     let mut input = vec![geometry.triangles.len() as u32];
@@ -491,13 +517,13 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
         input.push(dielectric.priority.into());
         input.push(dielectric.transmission_texture.unwrap_or(NO_TEXTURE));
         input.extend(shade.diffuse.map(f32::to_bits));
-        input.extend([shade.texture, shade.flags]);
+        input.extend([shade.texture, shade.flags, shade.cutoff.to_bits()]);
         input.extend(shade.glow.map(f32::to_bits));
         input.push(shade.glow_texture);
     }
     let sun = job.sun.unwrap_or(Sun { direction: Vec3::ZERO, color: Vec3::ZERO });
     input.extend([job.params.index.to_bits(), job.params.depth]);
-    input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
+    input.push(job.params.fresnel as u32);
     let transparent = vec![true; job.shades.len()];
     let focused = FindsFocused::new(&transparent).of("host", job, &Progress::default()).expect("few spheres");
     let lenses = FocusedTables::of(job, &focused);
@@ -533,7 +559,7 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
     input.extend(open.into_iter().map(f32::to_bits));
     if Variant::of(job) == Variant::Ways {
         input.push(job.seed);
-        input.extend(way_words(&WayTables::of(job)));
+        input.extend(way_words(&WayTables::of(job, sampling), sampling.list()));
     }
     if !geometry.spheres.is_empty() || lenses.is_some() {
         input.push(u32::from(!geometry.spheres.is_empty()));
@@ -551,18 +577,20 @@ fn serialised(job: &RayJob<'_>) -> Vec<u32> {
 }
 
 /// The tables of programs that follow ways, as a host program reads them.
-pub(crate) fn way_words(tables: &WayTables) -> Vec<u32> {
+fn way_words(tables: &WayTables, samples: &[[u32; 4]]) -> Vec<u32> {
     let WayTables { faces, strata, facets, ways } = tables;
     let mut input = Vec::new();
     for face in faces {
         input.extend([face.spread.to_bits(), face.alpha.to_bits(), face.roughness_texture]);
         input.extend(face.mirrors.into_iter().chain([face.minimum, face.maximum, face.exponent]).map(f32::to_bits));
     }
-    input.push(ways.stratum_count);
+    input.push(strata.len() as u32 / 4);
     input.extend(strata.iter().copied().map(f32::to_bits));
     input.push(ways.facet_count);
     input.extend(facets);
-    input.extend([ways.asks, ways.cutoff.to_bits(), ways.reflections, ways.refractions, ways.chances]);
+    input.extend([ways.asks, ways.cutoff.to_bits(), ways.reflections, ways.refractions, ways.chances, ways.offset]);
+    input.push(samples.len() as u32);
+    input.extend(samples.as_flattened());
     input
 }
 

@@ -3,6 +3,7 @@
 //!
 //! Each comparison has a negative control: with one constant of the header changed, it fails.
 
+mod adaptive;
 mod batches;
 mod caustics;
 mod glass;
@@ -12,7 +13,7 @@ mod ways;
 
 use curitiba_cuda::layout::{WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT};
 use curitiba_passes::effects::{
-    Cone, Footprint, RayCone, TextureArea, curvature, fresnel, horizon, is_turned, schlick, way_onto_round,
+    Cone, Footprint, RayCone, TextureArea, curvature, fresnel, horizon, is_turned, polarised, schlick, way_onto_round,
 };
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
@@ -378,14 +379,15 @@ fn samples_that_differ(program: &Path) -> [usize; 2] {
         let direction = cosine(Vec2::from(bits.map(unit)));
         let world = Basis::around(normal).to_world(direction);
         let (exact, rough) = (fresnel(cos, index), schlick(cos, index));
-        let weights = [exact.reflectance, exact.cos_refracted, rough.reflectance, rough.cos_refracted];
+        let [s, p] = polarised(cos, index).map(|interface| interface.reflectance);
+        let weights = [exact.reflectance, exact.cos_refracted, rough.reflectance, rough.cos_refracted, s, p];
         let integers = [key, path_key(key, y), bits[0], bits[1], scramble_reversed(x, seed)];
         let sample: Vec<u32> =
             integers.into_iter().chain(words([direction, world])).chain(weights.map(f32::to_bits)).collect();
         expected.push(sample);
     }
     let found = run(program, "samples", &input);
-    let found = found.as_chunks::<15>().0;
+    let found = found.as_chunks::<17>().0;
     let differ =
         found.iter().zip(&expected).filter(|(found, expected)| found.as_slice() != expected.as_slice()).count();
     [differ, found.len()]

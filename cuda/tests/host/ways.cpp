@@ -22,7 +22,7 @@ static void indices() {
     Body body = {};
     Face face = {};
     float4 stratum = {};
-    Ways ways = {&face, &stratum, nullptr, 1};
+    Ways ways = {&face, &stratum, nullptr, nullptr, 1};
     Params params = {};
     params.bodies = &body;
     params.segments = (const float4 *)&ways;
@@ -35,7 +35,7 @@ static void indices() {
         face.maximum = number();
         face.exponent = number();
         float cosine = number(), ratio = number();
-        params.schlick = word();
+        params.fresnel = word();
         put(walk.index_for(params, 0, 0));
         Interface interface = face_at(params, 0, cosine, ratio);
         put(interface.reflectance);

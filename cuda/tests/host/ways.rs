@@ -93,10 +93,10 @@ fn indices_that_differ(program: &Path) -> [usize; 3] {
         let glass = Dielectric { spread: 0.1 * random.unit(), reflectance, ..solid(1.0 + random.unit()) };
         let wavelength = 380.0 + 400.0 * random.unit();
         let (cos, ratio) = ([random.unit(), 0.0, 1.0][index % 7 % 3], 0.5 + 1.5 * random.unit());
-        let weights = [Fresnel::Exact, Fresnel::Schlick][index % 2];
+        let weights = [Fresnel::Exact, Fresnel::Schlick, Fresnel::S, Fresnel::P][index % 4];
         let exponent = if reflectance.is_some() { curve.exponent } else { -1.0 };
         let numbers = [glass.index, glass.spread, wavelength, curve.minimum, curve.maximum, exponent, cos, ratio];
-        input.extend(numbers.map(f32::to_bits).into_iter().chain([u32::from(weights == Fresnel::Schlick)]));
+        input.extend(numbers.map(f32::to_bits).into_iter().chain([weights as u32]));
         let face = interface_of(&glass, weights, cos, ratio);
         let is_own = reflectance.is_some() && face.cos_refracted > 0.0;
         own += usize::from(is_own);
@@ -299,8 +299,11 @@ fn glass_that_is_rough_and_bends_colours_apart_looks_as_on_the_processor() {
 fn reflectances_of_materials_own_look_as_on_the_processor() {
     for (program, source) in SOURCES {
         for scene in [several(), under_water(), under_a_sky()].map(owned) {
-            for (fresnel, shadow) in [(Fresnel::Exact, GlassShadow::Straight), (Fresnel::Schlick, GlassShadow::Report)]
-            {
+            for (fresnel, shadow) in [
+                (Fresnel::Exact, GlassShadow::Straight),
+                (Fresnel::Schlick, GlassShadow::Report),
+                (Fresnel::P, GlassShadow::Straight),
+            ] {
                 let asked = Asked { fresnel, depth: 4, ..asked(program, shadow, &[]) };
                 let Some(()) = compare(source, &scene, asked, "own") else { return };
             }

@@ -70,7 +70,7 @@ pub use coverage::{AlphaTested, ByCones, Coverage, Opaque};
 pub use light::SHADOWED;
 pub use lights::{LightTable, Lighting, disc_rays};
 pub use occlusion::open_shares;
-pub use optics::{Interface, fresnel, interface, interface_of, reflect, schlick};
+pub use optics::{Interface, fresnel, interface, interface_of, polarised, reflect, schlick};
 pub(crate) use pass::opaque;
 pub use pass::{Pass, Pixel};
 pub use preparation::Preparation;
@@ -84,6 +84,7 @@ pub use workspace::Workspace;
 /// formulas.
 pub mod constants {
     pub use super::dielectric::{CELLS, LENS_WIDTH, MOST_SURFACES, POINTS, POINTS_AT_AXIS};
+    pub use super::dielectric::{MET_CHANCE, MET_DIVIDED};
     pub use super::dielectric::{PHOTON_ALIKE, PHOTON_FLAT, PHOTON_GRAZING};
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::lights::BEFORE_LIGHT;
@@ -91,7 +92,9 @@ pub mod constants {
     pub use super::optics::{REFLECTED, REFRACTED, SCATTERED};
     pub use super::terminator::ROUND;
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
-    pub use crate::sampling::hash::{DIMENSIONS, DISC, FACETS, LIGHTS, PATH, PIXEL, ROULETTE, SCRAMBLE};
+    pub use crate::sampling::hash::{
+        DIMENSIONS, DISC, FACET_ORDER, FACETS, LIGHTS, PATH, PIXEL, ROULETTE, SCRAMBLE, SPECTRUM,
+    };
 
     pub use curitiba_pipeline::backend::LEAST_DIVISOR;
 

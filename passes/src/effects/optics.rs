@@ -17,7 +17,7 @@ pub fn reflect(i: Vec3, n: Vec3) -> Vec3 {
     i - 2.0 * n * n.dot(i)
 }
 
-/// What an interface does with unpolarised light.
+/// What an interface does with light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
     /// Reflected share of the light, 0..=1; the rest is refracted.
@@ -26,13 +26,26 @@ pub struct Interface {
     pub cos_refracted: f32,
 }
 
-/// Fresnel's equations for light on an interface. `cos` is the cosine of the angle of incidence (clamped to 0..=1), and
+/// Fresnel's equations for unpolarised light on an interface: the mean of both polarisations ([`polarised`]). `cos` is the cosine of the angle of incidence (clamped to 0..=1), and
 /// `index` the refractive index of the far side over that of the near side (above 0).
 ///
 /// Total reflection, possible for `index < 1` only, is a reflectance of exactly 1. Evaluated in double precision: next to
 /// the critical angle the square root magnifies a rounding error of the discriminant.
 #[must_use]
 pub fn fresnel(cos: f32, index: f32) -> Interface {
+    weighted(cos, index, |[s, p]| 0.5 * (s + p))
+}
+
+/// As [`fresnel`], for light whose electric field is perpendicular to the plane of incidence ([`Fresnel::S`]) or lies in it ([`Fresnel::P`]). At
+/// Brewster's angle, whose tangent is the index, nothing of the latter is reflected.
+#[must_use]
+pub fn polarised(cos: f32, index: f32) -> [Interface; 2] {
+    [0, 1].map(|polarisation| weighted(cos, index, |shares| shares[polarisation]))
+}
+
+/// An interface whose reflectance is made of those of both polarisations.
+#[inline(always)]
+fn weighted(cos: f32, index: f32, weigh: impl Fn([f64; 2]) -> f64) -> Interface {
     let (cos, index) = (f64::from(cos.clamp(0.0, 1.0)), f64::from(index));
     // index² cos²(refracted), by Snell's law.
     let discriminant = index * index - 1.0 + cos * cos;
@@ -42,7 +55,7 @@ pub fn fresnel(cos: f32, index: f32) -> Interface {
     let cos_refracted = discriminant.sqrt() / index;
     let perpendicular = (cos - index * cos_refracted) / (cos + index * cos_refracted);
     let parallel = (index * cos - cos_refracted) / (index * cos + cos_refracted);
-    let reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
+    let reflectance = weigh([perpendicular * perpendicular, parallel * parallel]);
     Interface { reflectance: reflectance as f32, cos_refracted: cos_refracted as f32 }
 }
 
@@ -68,12 +81,14 @@ pub fn schlick(cos: f32, index: f32) -> Interface {
     Interface { reflectance: (zero + (1.0 - zero) * (square * square * away)).min(1.0), cos_refracted }
 }
 
-/// [`fresnel`] or [`schlick`].
+/// [`fresnel`], [`schlick`] or one of [`polarised`].
 #[must_use]
 pub fn interface(weights: Fresnel, cos: f32, index: f32) -> Interface {
     match weights {
         Fresnel::Exact => fresnel(cos, index),
         Fresnel::Schlick => schlick(cos, index),
+        Fresnel::S => polarised(cos, index)[0],
+        Fresnel::P => polarised(cos, index)[1],
     }
 }
 
@@ -141,6 +156,28 @@ mod tests {
             let expected = 0.5 * ((index * index - 1.0) / (index * index + 1.0)).powi(2);
             let reflectance = fresnel(brewster.cos() as f32, index as f32).reflectance;
             assert!((f64::from(reflectance) - expected).abs() < 1e-6, "{index}: {reflectance} {expected}");
+            // Of polarised light, all of the perpendicular part and nothing of the parallel one.
+            for (cos, index) in [(brewster.cos(), index), (brewster.sin(), 1.0 / index)] {
+                let [s, p] = polarised(cos as f32, index as f32).map(|interface| f64::from(interface.reflectance));
+                assert!((s - 2.0 * expected).abs() < 1e-6 && p < 1e-6, "{index}: {s} {p}");
+            }
+        }
+    }
+
+    #[test]
+    fn unpolarised_light_is_the_mean_of_both_polarisations() {
+        for index in INDICES.into_iter().flat_map(|index| [index, 1.0 / index]) {
+            for step in 0..=100 {
+                let cos = step as f32 / 100.0;
+                let [s, p] = polarised(cos, index);
+                let mean = fresnel(cos, index);
+                assert!((0.5 * (s.reflectance + p.reflectance) - mean.reflectance).abs() < 1e-6, "{index} {cos}");
+                assert!(s.reflectance >= p.reflectance && s.reflectance <= 1.0, "{index} {cos}");
+                assert_eq!([s, p].map(|interface| interface.cos_refracted), [mean.cos_refracted; 2]);
+                for (weights, expected) in [(Fresnel::S, s), (Fresnel::P, p), (Fresnel::Exact, mean)] {
+                    assert_eq!(interface(weights, cos, index), expected);
+                }
+            }
         }
     }
 

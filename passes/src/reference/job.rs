@@ -4,7 +4,7 @@ use super::camera::Camera;
 use curitiba_pipeline::backend::{Light, Shade, Sun};
 use curitiba_pipeline::glass::{Dielectric, GlassShadow};
 use curitiba_pipeline::image::PixelFormat;
-use curitiba_pipeline::programs::{RayParams, RayProgram};
+use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram};
 use curitiba_pipeline::scene::{RenderScene, Sphere};
 use glam::{DVec3, DVec4};
 use std::ops::Range;
@@ -70,6 +70,13 @@ impl Traced<'_> {
         let info = program.info();
         if !known.contains(&program) {
             return Some(format!("`{}`, whose rays start at the camera, has no reference of its picture", info.stem));
+        }
+        let is_polarised = matches!(params.fresnel, Fresnel::S | Fresnel::P) && info.reads("fresnel");
+        if is_polarised && look.glass.contains(&true) {
+            let weights = params.fresnel.name();
+            return Some(format!(
+                "polarised light (fresnel={weights}) has no reference of the picture: set fresnel=exact"
+            ));
         }
         let is_ruled = matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && info.reads("shadow");
         // The rule matters only where light may pass glass.

@@ -1,9 +1,10 @@
 //! Structs and constants that the host and the programs share.
 
 use crate::effects::constants as effects;
-use crate::effects::dielectric::{LENS_WIDTH, Photon, ball};
+use crate::effects::dielectric::{LENS_WIDTH, MET_CHANCE, MET_DIVIDED, Photon, ball};
 use crate::trace::gpu_binary;
 use bytemuck::{Pod, Zeroable};
+use curitiba_pipeline::programs::Fresnel;
 use std::f64::consts::FRAC_PI_2;
 
 /// Rays bounce on the material (reflection and refraction).
@@ -141,7 +142,7 @@ pub struct Params {
     pub open_share_at: u32,
     pub through_glass_at: u32,
     pub cut: u32,
-    pub schlick: u32,
+    pub fresnel: u32,
     pub has_normals: u32,
     pub id_base: u32,
     pub radius: f32,
@@ -218,6 +219,25 @@ pub fn lens_constants() -> String {
     text_of(integers, floats)
 }
 
+/// Words before the settings of a pass for paths in glass ([`BODY_HEAD`]), where the ways of paths are a sample: the place of the list of ways, or 0
+/// where each pixel takes way 0; and the position of way 0 in the sequence. The list has four words for each pixel: the key of its random numbers,
+/// the number of the first way, the number of ways, and 0.
+pub const SAMPLE_HEAD: u32 = 2;
+
+/// The constants of programs where the ways of paths in glass are a sample, as WGSL.
+#[must_use]
+pub fn sample_constants() -> String {
+    let integers = [
+        ("SAMPLE_WAYS", SAMPLE_HEAD),
+        ("SAMPLE_OFFSET", SAMPLE_HEAD - 1),
+        ("HASH_FACET_ORDER", effects::FACET_ORDER),
+        ("HASH_SPECTRUM", effects::SPECTRUM),
+        ("MET_CHANCE", MET_CHANCE.into()),
+        ("MET_DIVIDED", MET_DIVIDED.into()),
+    ];
+    text_of(integers, [])
+}
+
 /// Constants as WGSL.
 fn text_of<'n>(
     integers: impl IntoIterator<Item = (&'n str, u32)>,
@@ -240,6 +260,9 @@ pub fn constants() -> String {
         ("COUNT_SHIFT", gpu_binary::COUNT_SHIFT),
         ("FIRST_OF_LEAF", (1 << gpu_binary::COUNT_SHIFT) - 1),
         ("STACK", gpu_binary::STACK as u32),
+        ("FRESNEL_SCHLICK", Fresnel::Schlick as u32),
+        ("FRESNEL_S", Fresnel::S as u32),
+        ("FRESNEL_P", Fresnel::P as u32),
         ("SHADE_GLASS", SHADE_GLASS),
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),

@@ -26,8 +26,9 @@ mod tests;
 pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
+use crate::adaptive::{Sampling, asked, sample_on_device};
 use crate::cpu::{FindsFocused, check, may_trace};
-use crate::effects::dielectric::{Variant, disperses, is_rough};
+use crate::effects::dielectric::{Focused, Variant, disperses, is_rough};
 use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
@@ -40,7 +41,7 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::memory::mebibytes;
+use curitiba_pipeline::memory::{Refused, mebibytes};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod, Traces};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::InPlace;
@@ -71,6 +72,8 @@ const CUT: &str = "its driver leaves loops that have not ended after some ten th
 const CUT_FOCUS: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the light of so many spheres that focus it, \
                          so many photons, or the rays to the light's disc, take more at a point; set shadow=straight on the pass, or photons, \
                          photonradius or sunsamples lower, use --backend cpu, or allow it with --fallback cpu";
+/// Why glass is not sampled to an error in the memory of another device.
+const NOT_IN_HOST: &str = "its glass is sampled to an error, and its G-buffer or its picture is not in host memory";
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
 const CUT_DEPTH: u32 = 2;
@@ -179,10 +182,33 @@ impl WgpuRays {
         Ok(group)
     }
 
-    /// Runs a job; reads its picture back if `output` is given.
+    /// Runs a job whose glass is sampled to the error `asked`. The light that glass focuses is found once.
+    fn sample(
+        &mut self,
+        job: &RayJob<'_>,
+        asked: f32,
+        output: &mut Image,
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        let focused = self.focused.of(NAME, job, progress)?;
+        if progress.is_given_up() {
+            return Ok(RayStats::default());
+        }
+        let part = progress.part();
+        let mut run = |job: &RayJob<'_>, sampling: Sampling<'_>, output: &mut Image| {
+            let progress = if matches!(sampling, Sampling::Listed(_)) { &part } else { progress };
+            self.trace(job, (sampling, Some(&focused)), Some(output), progress)
+        };
+        let refused = |refused: Refused| check::missing(NAME, job, &refused.to_string());
+        let stats = sample_on_device(job, asked, (output, progress), &mut run, &refused)?;
+        Ok(RayStats { rays: RayCounts { photons: focused.photons.counts, ..stats.rays }, ..stats })
+    }
+
+    /// Runs a job; reads its picture back if `output` is given. `focused` is the light that glass focuses in the job; if `None`, it is found.
     fn trace(
         &mut self,
         job: &RayJob<'_>,
+        (sampling, focused): (Sampling<'_>, Option<&Focused>),
         output: Option<&mut Image>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
@@ -197,17 +223,21 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let has_levels = self.require_levels(job)?;
-        let focused = self.focused.of(NAME, job, progress)?;
+        let found = match focused {
+            Some(_) => Focused::default(),
+            None => self.focused.of(NAME, job, progress)?,
+        };
         if progress.is_given_up() {
             return Ok(RayStats::default());
         }
-        let tables = Tables::of(job, &focused, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
+        let focused = focused.unwrap_or(&found);
+        let tables = Tables::of(job, sampling, focused, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         self.check_tables(job, &tables)?;
-        let kind = Kind::of(job, !focused.is_empty());
+        let kind = Kind { sampled: sampling.is_sampled(), ..Kind::of(job, !focused.is_empty()) };
         let steps = disc_rays(job).saturating_add(launches::rays_of_photons(&focused.photons));
-        let photons = focused.photons.counts;
+        let photons = found.photons.counts;
         // The tables hold the photons now.
-        drop(focused);
+        drop(found);
         let mut stages = programs::stages(kind, tables.params.samples).to_vec();
         if kind.variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
             stages.insert(0, Stage::Eye);
@@ -379,7 +409,6 @@ impl WgpuRays {
     fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, true)?;
-        check::adaptive(NAME, job)?;
         Images::check_size(&self.gpu, job)
     }
 
@@ -488,6 +517,10 @@ impl RayBackend for WgpuRays {
         true
     }
 
+    fn samples_adaptively(&self) -> bool {
+        true
+    }
+
     fn traces_spheres(&self) -> bool {
         true
     }
@@ -526,7 +559,12 @@ impl RayBackend for WgpuRays {
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
         self.check(job)?;
         check::images(NAME, job, output)?;
-        self.trace(job, Some(output), progress).map_err(of_rays)
+        let traced = match asked(job) {
+            Some(_) if job.shared.is_some() => Err(check::missing(NAME, job, NOT_IN_HOST)),
+            Some(error) => self.sample(job, error, output, progress),
+            None => self.trace(job, (Sampling::All, None), Some(output), progress),
+        };
+        traced.map_err(of_rays)
     }
 
     fn run_in_place(
@@ -537,11 +575,14 @@ impl RayBackend for WgpuRays {
     ) -> Result<RayStats, BackendError> {
         self.check(job)?;
         check::buffers(NAME, job)?;
+        if asked(job).is_some() {
+            return Err(check::missing(NAME, job, NOT_IN_HOST));
+        }
         let Some(lending) = self.lending.clone() else {
             return Err(check::missing(NAME, job, "no rasteriser on its device takes its picture"));
         };
         let own = self.images.exchange_output(lending.take(picture));
-        let traced = self.trace(job, None, progress).map_err(of_rays);
+        let traced = self.trace(job, (Sampling::All, None), None, progress).map_err(of_rays);
         if let Some(texture) = self.images.exchange_output(own) {
             lending.keep(picture, texture);
         }

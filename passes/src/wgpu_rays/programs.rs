@@ -42,19 +42,24 @@ pub struct Kind {
     pub spheres: bool,
     /// Whether glass focuses light: some of the spheres, or meshes at which photons are shot.
     pub focuses: bool,
+    /// Whether the ways of paths in glass are a sample.
+    pub sampled: bool,
 }
 
 impl Kind {
-    /// The kind for a job; `focuses` says whether its glass focuses light.
+    /// The kind for a job whose paths take all ways; `focuses` says whether its glass focuses light.
     pub fn of(job: &RayJob<'_>, focuses: bool) -> Self {
         let spheres = !job.scene.geometry.spheres.is_empty();
-        Self { program: job.program, variant: Variant::of(job), lighting: Lighting::of(job), spheres, focuses }
+        let (variant, lighting) = (Variant::of(job), Lighting::of(job));
+        Self { program: job.program, variant, lighting, spheres, focuses, sampled: false }
     }
 
-    /// The kind for one kernel: only kernels that compute light depend on whether glass focuses light.
+    /// The kind for one kernel: only kernels that compute light depend on whether glass focuses light, and only those that follow paths depend on
+    /// whether the ways are a sample.
     pub fn at(self, stage: Stage) -> Self {
-        let asks = matches!(stage, Stage::Whole | Stage::List | Stage::Focus | Stage::Sum);
-        Self { focuses: self.focuses && asks, ..self }
+        let follows = matches!(stage, Stage::Whole | Stage::List | Stage::Sum);
+        let asks = follows || stage == Stage::Focus;
+        Self { focuses: self.focuses && asks, sampled: self.sampled && follows, ..self }
     }
 }
 
@@ -185,7 +190,7 @@ const COMMON: [Text; 6] =
 
 /// The sources of a kernel, which follow the common sources; `None` if the program is not written for this backend.
 fn texts(kind: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
-    let Kind { program, variant, lighting, spheres, focuses } = kind;
+    let Kind { program, variant, lighting, spheres, focuses, sampled } = kind;
     let mut texts = of_panes(program, stage, subgroups)?;
     if focuses {
         let listed = [LIGHT, LIGHT_SHARE, text!("list_focused")];
@@ -215,7 +220,10 @@ fn texts(kind: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let instead = |text: Text| match text {
         WEIGHTS if variant == Variant::Ways => vec![text!("media"), text!("start_media"), text!("face_own")],
         WEIGHTS => vec![text!("media"), text!("start_media"), text!("face_smooth")],
-        GLASS if variant == Variant::Ways => vec![text!("bodies"), text!("facets"), text!("ways")],
+        GLASS if variant == Variant::Ways => {
+            let followed = if sampled { text!("sampled_ways") } else { text!("all_ways") };
+            vec![text!("bodies"), text!("facets"), text!("ways"), followed]
+        }
         GLASS => vec![text!("bodies"), text!("smooth")],
         LIGHT if focuses => STRAIGHT_OR_FOCUSED.to_vec(),
         LIGHT => STRAIGHT.to_vec(),
@@ -294,10 +302,20 @@ fn of_focus(source: &str, focuses: bool) -> String {
     with_marked(source, ['⦃', '⦄'], focuses)
 }
 
-/// The functions that programs use, without a program, and with the marks of [`of_levels`], [`of_spheres`] and [`of_focus`].
+/// A source with its parts between ⟬ and ⟭ where the ways of paths are a sample; else without them.
+fn of_sample(source: &str, sampled: bool) -> String {
+    with_marked(source, ['⟬', '⟭'], sampled)
+}
+
+/// A source without marks, for a kind and a level of textures.
+fn unmarked(source: &str, Kind { spheres, focuses, sampled, .. }: Kind, lod: TextureLod) -> String {
+    of_levels(&of_focus(&of_spheres(&of_sample(source, sampled), spheres), focuses), lod)
+}
+
+/// The functions that programs use, without a program, and with the marks that [`unmarked`] takes out.
 fn functions(
     arithmetic: Arithmetic,
-    Kind { variant, lighting, spheres, focuses, .. }: Kind,
+    Kind { variant, lighting, spheres, focuses, sampled, .. }: Kind,
     split: Split,
     lod: TextureLod,
 ) -> String {
@@ -334,6 +352,9 @@ fn functions(
     if focuses && spheres {
         source.push_str(&layout::lens_constants());
     }
+    if sampled {
+        source.push_str(&layout::sample_constants());
+    }
     source
 }
 
@@ -357,20 +378,20 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
         }
         _ => {}
     }
-    Some(of_levels(&of_focus(&of_spheres(&source, kind.spheres), kind.focuses), lod))
+    Some(unmarked(&source, kind, lod))
 }
 
 /// The source of how a sphere focuses parallel light, with all sources that it needs, for tests that add their own use of the bundles.
 #[cfg(test)]
 pub fn ball(arithmetic: Arithmetic) -> String {
-    let variant = Variant::Bodies;
-    let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres: true, focuses: true };
+    let (program, variant, lighting) = (RayProgram::Final, Variant::Bodies, Lighting::Sun);
+    let kind = Kind { program, variant, lighting, spheres: true, focuses: true, sampled: false };
     let texts = texts(kind, Stage::Focus, false).expect("it is written");
     // All sources except those of the kernel and of the lighting of surfaces.
     let texts = texts.into_iter().filter(|text| ![FOCUS, PHOTONS, text!("lens"), text!("final_focus")].contains(text));
     let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass");
     let source = texts.fold(source, |source, text| source + text);
-    of_levels(&of_focus(&of_spheres(&source, true), true), TextureLod::Zero)
+    unmarked(&source, kind, TextureLod::Zero)
 }
 
 /// The program that traces segments between triangles.
@@ -378,10 +399,9 @@ pub fn segments(arithmetic: Arithmetic) -> String {
     let lod = TextureLod::Zero;
     let variant = Variant::Panes(Fidelity::Corrected);
     // The functions do not depend on the program.
-    let kind =
-        Kind { program: RayProgram::DeferredShadows, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
-    let functions = functions(arithmetic, kind, Split::default(), lod);
-    of_levels(&of_focus(&of_spheres(&functions, kind.spheres), kind.focuses), lod) + text!("segments")
+    let (program, lighting) = (RayProgram::DeferredShadows, Lighting::Sun);
+    let kind = Kind { program, variant, lighting, spheres: false, focuses: false, sampled: false };
+    unmarked(&functions(arithmetic, kind, Split::default(), lod), kind, lod) + text!("segments")
 }
 
 /// Whether the program is written for this backend.

@@ -2,21 +2,23 @@
 
 use super::layout::{
     BODY_HEAD, BODY_WORDS, HEAD_PHOTONS, LARGEST_RANGE, LIGHT_CONE, LIGHT_HEAD, LIGHT_PLACE, LIGHT_WORDS, Params,
-    SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_TARGET,
+    SAMPLE_HEAD, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_SKY, SHADE_TARGET,
     SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS,
     VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use super::{lenses, photons};
+use crate::adaptive::Sampling;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
-use crate::effects::dielectric::{Focused, facets, spectrum};
+use crate::effects::dielectric::{Focused, REFERENCE_WAVELENGTH, facets, spectrum};
 use crate::effects::{LightTable, Preparation};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::{Cone, Light, RayJob, Shade};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Reflectance, Roulette, Shape, Stratum};
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams};
+use curitiba_pipeline::programs::{Fidelity, RayParams};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
+use glam::Vec3;
 
 /// The words of group 2, and the parameters with the places at which its parts begin.
 #[derive(Debug)]
@@ -26,12 +28,12 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The tables of a job. `focused` is the light that glass focuses in the job. `has_levels` is whether the textures are on the device with all
-    /// of their mip levels.
+    /// The tables of a job, for the ways of paths that `sampling` tells. `focused` is the light that glass focuses in the job. `has_levels` is whether
+    /// the textures are on the device with all of their mip levels.
     ///
     /// # Errors
     /// If the number of samples is not valid, or if there is too little memory; the message says why.
-    pub fn of(job: &RayJob<'_>, focused: &Focused, has_levels: bool) -> Result<Self, String> {
+    pub fn of(job: &RayJob<'_>, sampling: Sampling<'_>, focused: &Focused, has_levels: bool) -> Result<Self, String> {
         let Focused { lenses, photons } = focused;
         let Preparation { sampler, open_share, to_light, light_color, disc } = Preparation::of(job)?;
         let (strata, points) = match sampler {
@@ -56,7 +58,7 @@ impl Tables {
         let bodies_at = if job.dielectrics.is_empty() {
             0
         } else {
-            let strata_at = part(spectrum_words(job));
+            let strata_at = part(spectrum_words(job, sampling.is_sampled()));
             let facets_at = part(facets(job).into_flattened());
             let straight = matches!(job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic);
             // Never at 0 or 1, where the materials are.
@@ -65,6 +67,12 @@ impl Tables {
             if !focused.is_empty() {
                 part(lenses::words(job, lenses, lenses_at));
                 light = lenses_at;
+            }
+            if sampling.is_sampled() {
+                let list = sampling.list();
+                let list_at = if list.is_empty() { 0 } else { part(list.as_flattened().to_vec()) };
+                let head: [u32; SAMPLE_HEAD as usize] = [list_at, job.params.first_path];
+                part(head.to_vec());
             }
             part(bodies(job, light, [strata_at, facets_at]))
         };
@@ -98,7 +106,7 @@ impl Tables {
             open_share_at,
             through_glass_at,
             cut: u32::from(cut),
-            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            fresnel: job.params.fresnel as u32,
             decoded_at,
             radius: job.params.radius,
             index: job.params.index,
@@ -215,10 +223,11 @@ fn light(light: &Light) -> [u32; LIGHT_WORDS as usize] {
     ]
 }
 
-/// The strata of the spectrum: a wavelength and its weights for each.
-fn spectrum_words(job: &RayJob<'_>) -> Vec<u32> {
-    let words = |stratum: &Stratum| [stratum.wavelength, stratum.weight.x, stratum.weight.y, stratum.weight.z];
-    spectrum(job).iter().flat_map(words).map(f32::to_bits).collect()
+/// The strata of the spectrum: a wavelength and its weights for each. Where ways are sampled, the reference wavelength follows.
+fn spectrum_words(job: &RayJob<'_>, sampled: bool) -> Vec<u32> {
+    let words = |stratum: Stratum| [stratum.wavelength, stratum.weight.x, stratum.weight.y, stratum.weight.z];
+    let reference = sampled.then_some(Stratum { wavelength: REFERENCE_WAVELENGTH, weight: Vec3::ONE });
+    spectrum(job).into_iter().chain(reference).flat_map(words).map(f32::to_bits).collect()
 }
 
 /// The settings of the pass for paths in glass (`BODY_HEAD`), then the glass of each material: `Body` of `programs/media.wgsl`. `light` is the

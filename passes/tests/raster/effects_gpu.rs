@@ -426,15 +426,16 @@ fn effects_read_16_bit_floats_where_they_were_drawn() {
 }
 
 #[test]
-fn schlicks_weights_agree_with_the_processors_and_are_not_fresnels() {
+fn weights_of_interfaces_agree_with_the_processors_and_differ_from_each_other() {
     let Some(mut gpu) = rasteriser() else { return };
     let program = EffectProgram::CubeRefraction;
     for index in [1.5, 2.42, 0.8] {
         let (_, mut shot) = shots().into_iter().next().expect("one");
         gpu.upload(&shot.scene).expect("uploads");
         let exact = EffectParams { index, ..params() };
-        let schlick = EffectParams { fresnel: Fresnel::Schlick, ..exact };
-        let pictures = [exact, schlick].map(|params| {
+        let weights = [Fresnel::Exact, Fresnel::Schlick, Fresnel::S, Fresnel::P];
+        let pictures = weights.map(|fresnel| {
+            let params = EffectParams { fresnel, ..exact };
             let (expected, _) = shot.effect(program, params);
             let job = EffectJob { resident: false, ..shot.job(program, params) };
             let (found, _) = run(&mut gpu, &job).expect("a whole job");
@@ -442,7 +443,10 @@ fn schlicks_weights_agree_with_the_processors_and_are_not_fresnels() {
             assert!(outlying <= OUTLIERS, "index {index}: {outlying}");
             found
         });
-        assert!(difference(&pictures[0], &pictures[1]).0 > OUTLIERS, "index {index}: the weights are the same");
+        for (one, other) in [(0, 1), (0, 2), (0, 3), (2, 3)] {
+            let differ = difference(&pictures[one], &pictures[other]).0;
+            assert!(differ > OUTLIERS, "index {index}: {:?} and {:?} are the same", weights[one], weights[other]);
+        }
     }
 }
 

@@ -30,7 +30,7 @@ impl Plan {
         )
     }
 
-    /// Greatest number of bytes that adaptive sampling takes on the processor: those for the largest target of a pass that asks for it, since
+    /// Greatest number of bytes that adaptive sampling takes in host memory: those for the largest target of a pass that asks for it, since
     /// passes run one after another.
     pub(super) fn adaptive_bytes(&self) -> u64 {
         let sampled = self.passes.iter().filter(|planned| self.sampled_to(planned).is_some());
@@ -59,7 +59,7 @@ impl Plan {
             let bytes = mebibytes(ADAPTIVE_BYTES * pixels);
             let why = format!(
                 "an error of {error}: {LEAST_ADAPTIVE_PATHS} to {paths} paths at each pixel whose glass is rough, disperses or is followed \
-                 by chance; on the cpu it holds up to {bytes}"
+                 by chance; it holds up to {bytes} in host memory"
             );
             decisions.push((what, true, why));
         }

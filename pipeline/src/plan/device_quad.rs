@@ -218,6 +218,9 @@ impl Plan {
             Work::Effect { .. } if self.traced(planned).is_some() => {
                 return refuse("has pixels that rays add in host memory");
             }
+            Work::Rays { .. } if self.sampled_to(planned).is_some() => {
+                return refuse("is sampled adaptively, and collected in host memory");
+            }
             Work::Rays { .. } | Work::Effect { .. } => {}
             Work::Off { .. } | Work::Quad { .. } | Work::Intersection { .. } | Work::Compute => {
                 return refuse("is filled in host memory");

@@ -273,7 +273,9 @@ impl Plan {
         let reads_triangle =
             !from_camera && self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         let channels = inputs(ray, &params);
+        // Adaptive sampling hands the G-buffer to devices pixel by pixel.
         let resident = self.resident_target(passes, index, &channels, camera);
+        let resident = resident.filter(|_| ray.program.sampled_to(&params).is_none());
         wanted.channels.extend(channels.iter().copied());
         let (read, triangles) = match resident {
             Some(_) => (&mut wanted.traced, &mut wanted.traced_triangles),

@@ -59,9 +59,13 @@ pub enum Fresnel {
     Exact,
     /// Schlick's approximation; `docs/numerics.md` has its error.
     Schlick,
+    /// Fresnel's equation for light whose electric field is perpendicular to the plane of incidence, at every interface.
+    S,
+    /// Fresnel's equation for light whose electric field lies in the plane of incidence, at every interface.
+    P,
 }
 
-named!(Fresnel, "exact" => Exact, "schlick" => Schlick);
+named!(Fresnel, "exact" => Exact, "schlick" => Schlick, "s" => S, "p" => P);
 
 /// At which mip level ray programs read textures at hits, in `corrected` fidelity. Alpha tests read level 0 in any case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -188,8 +188,8 @@ pub const PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "fresnel",
         about: "how much glass reflects by its angle",
-        valid: "exact, schlick (not in thesis fidelity)",
-        values: Values::Names(&["exact", "schlick"]),
+        valid: "exact, schlick, s, p (not in thesis fidelity)",
+        values: Values::Names(&["exact", "schlick", "s", "p"]),
     },
     ParamInfo {
         name: "glass",

@@ -32,7 +32,7 @@ const OF_PASSES: &Floors = &[
     &["trace"],
     &["sampling", "reference"],
     &["effects"],
-    &["raster"],
+    &["raster", "adaptive"],
     &["cpu"],
     &["own"],
     &["wgpu_rays"],

@@ -44,13 +44,14 @@ pub use photon_map::{ALIKE as PHOTON_ALIKE, Cloud, FLAT as PHOTON_FLAT, Photon, 
 pub use photons::{GRAZING as PHOTON_GRAZING, shoots_photons};
 pub(crate) use photons::{photons, targets};
 pub use slab::{Slab, slab};
+pub use solid::REFERENCE as REFERENCE_WAVELENGTH;
 pub use targets::{Target, Targets};
 pub use variant::{Variant, ways_of_path};
 pub(crate) use variant::{disperses, is_rough};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;
 pub(super) use ways::{AllWays, Ways};
-pub use ways::{Met, Sample};
+pub use ways::{MET_CHANCE, MET_DIVIDED, Met, Sample};
 
 use crate::sampling::owen_sobol::reversed_sobol;
 use curitiba_pipeline::backend::RayJob;

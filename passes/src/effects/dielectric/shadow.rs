@@ -65,7 +65,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.announce_visibility(Purpose::Shadow, weight);
         let blocked = self.tracer.occluded(ray, |hit| {
             let there = without != Some(hit.triangle);
-            there && (self.focuses(hit.triangle, ray.origin) || self.blocks_light(hit, || through.push(*hit)))
+            let sends_away = || self.focuses(hit.triangle, ray.origin) && self.covers(hit);
+            there && (sends_away() || self.blocks_light(hit, || through.push(*hit)))
         });
         let passes = if blocked { Vec3::ZERO } else { self.straight(ray, &mut through, work) };
         work.through = through;

@@ -13,7 +13,7 @@ use curitiba_pipeline::glass::{Dielectric, Stratum};
 use glam::Vec3;
 
 /// The wavelength in nanometres at which materials state their index: the Fraunhofer line d.
-const REFERENCE: f32 = 587.6;
+pub const REFERENCE: f32 = 587.6;
 
 /// The reflected and the refracted light at a surface, for one wavelength.
 #[derive(Clone, Copy)]

@@ -33,6 +33,11 @@ pub(in crate::effects) trait Ways: Copy {
     fn note(&self, met: Met);
 }
 
+/// The bit of [`Met::bits`] for a path where chance decided whether a way was followed.
+pub const MET_CHANCE: u8 = 1;
+/// The bit of [`Met::bits`] for a path that was divided.
+pub const MET_DIVIDED: u8 = 2;
+
 /// The stochastic events of a sample: another sample may differ there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Met {
@@ -50,6 +55,18 @@ impl Met {
     #[must_use]
     pub fn stochastic(self) -> bool {
         self.divided || self.chance
+    }
+
+    /// The events as bits: [`MET_CHANCE`] and [`MET_DIVIDED`].
+    #[must_use]
+    pub fn bits(self) -> u8 {
+        (u8::from(self.chance) * MET_CHANCE) | (u8::from(self.divided) * MET_DIVIDED)
+    }
+
+    /// The inverse of [`Self::bits`].
+    #[must_use]
+    pub fn of_bits(bits: u8) -> Self {
+        Self { divided: bits & MET_DIVIDED != 0, chance: bits & MET_CHANCE != 0 }
     }
 }
 
@@ -113,11 +130,19 @@ pub struct Sample<'m> {
     pub met: &'m Cell<Met>,
 }
 
+impl Sample<'_> {
+    /// The key of the random numbers of a half, given the pixel's own key.
+    #[must_use]
+    pub fn key_of_half(pixel: u32, half: u32) -> u32 {
+        if half == 0 { pixel } else { path_key(pixel, HALF) }
+    }
+}
+
 impl Ways for Sample<'_> {
     const SAMPLED: bool = true;
 
     fn key(&self, pixel: u32) -> u32 {
-        if self.half == 0 { pixel } else { path_key(pixel, HALF) }
+        Self::key_of_half(pixel, self.half)
     }
 
     fn numbers(&self, _: u32) -> Range<u32> {

@@ -91,6 +91,16 @@ impl World {
         material
     }
 
+    /// Cuts out a material where the first of two texels side by side lies, or everywhere.
+    pub fn cut_out(&mut self, material: u32, everywhere: bool) {
+        let alpha = if everywhere { 0 } else { 255 };
+        let texels = vec![[255, 255, 255, 0], [255, 255, 255, alpha]];
+        self.scene.textures.push(Texture::new("holes".to_owned(), 2, 1, texels));
+        let shade = &mut self.shades[material as usize];
+        shade.texture = Some(self.scene.textures.len() as u32 - 1);
+        shade.alpha_cutoff = Some(0.5);
+    }
+
     /// A textured material; `texels` are two texels side by side.
     pub fn picture(&mut self, texels: [[u8; 4]; 2], alpha_cutoff: Option<f32>) -> u32 {
         self.scene.textures.push(Texture::new("picture".to_owned(), 2, 1, texels.to_vec()));

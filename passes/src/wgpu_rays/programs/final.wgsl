@@ -33,7 +33,7 @@ fn shown_by(pixel: Pixel, triangle: u32) -> Shown {
 }
 // A pixel that shows glass.
 fn glass_pixel(pixel: Pixel, triangle: u32, shown: Shown) -> vec4f {
-    return opaque(glass_color(pixel, triangle, shown.surface, shown.view, pixel_key(pixel)) + missed_color());
+    return opaque(glass_color(pixel, triangle, shown.surface, shown.view, pixel_key(pixel)) + missed_color())⟬ + noted()⟭;
 }
 
 fn corrected(pixel: Pixel) -> vec4f {

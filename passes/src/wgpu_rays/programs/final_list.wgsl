@@ -39,7 +39,8 @@ fn list(pixel: Pixel, slot: u32) {
         if head == NO_ROOM { rays = array<u32, RAY_COUNT_KINDS>(); }
         put_nothing(slot, head);
         if HAS_BODIES { put_missed(slot, missed_color() + sky); }
-        return;
+⟬        points[POINT * slot + 2u].w = events;
+⟭        return;
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
     shaded_as_seen(stored, key);

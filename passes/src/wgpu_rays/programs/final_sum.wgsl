@@ -19,5 +19,6 @@ fn picture(pixel: Pixel) -> vec4f {
         }
         point = next_of(point);
     }
-    return opaque(sum);
+⟬    if is_glass(triangle) { return vec4f(sum, 1.0 + f32(points[POINT * slot + 2u].w)); }
+⟭    return opaque(sum);
 }

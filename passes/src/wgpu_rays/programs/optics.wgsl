@@ -16,7 +16,11 @@ fn fresnel(cosine: f32, index: f32) -> Interface {
     let cos_out = min(sqrt(discriminant) / index, 1.0);
     let perpendicular = (cos_in - index * cos_out) / (cos_in + index * cos_out);
     let parallel = (index * cos_in - cos_out) / (index * cos_in + cos_out);
-    return Interface(0.5 * (perpendicular * perpendicular + parallel * parallel), cos_out);
+    var reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
+    // Of light that is polarised across the plane of incidence, or in it.
+    if params.fresnel == FRESNEL_S { reflectance = perpendicular * perpendicular; }
+    if params.fresnel == FRESNEL_P { reflectance = parallel * parallel; }
+    return Interface(reflectance, cos_out);
 }
 fn schlick(cosine: f32, index: f32) -> Interface {
     let cos_in = clamp(cosine, 0.0, 1.0);
@@ -28,7 +32,7 @@ fn schlick(cosine: f32, index: f32) -> Interface {
     return Interface(min(zero + (1.0 - zero) * (square * square * away), 1.0), cos_out);
 }
 fn interface_at(cosine: f32, ratio: f32) -> Interface {
-    if params.schlick != 0u { return schlick(cosine, ratio); }
+    if params.fresnel == FRESNEL_SCHLICK { return schlick(cosine, ratio); }
     return fresnel(cosine, ratio);
 }
 // Whether a ray enters; if so, `refracted` is its direction.

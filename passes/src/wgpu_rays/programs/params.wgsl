@@ -31,10 +31,10 @@ struct Params {
     points_at: u32,
     open_share_at: u32,
     through_glass_at: u32,
-    // Flags: whether any material has cut-outs, whether glass uses Schlick's approximation, whether there are vertex normals. Then the
+    // Flags: whether any material has cut-outs, how much glass reflects (`Fresnel`), whether there are vertex normals. Then the
     // offset of the ids stored in the triangle attachment.
     cut: u32,
-    schlick: u32,
+    fresnel: u32,
     has_normals: u32,
     id_base: u32,
     radius: f32,

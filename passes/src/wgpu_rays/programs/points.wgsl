@@ -20,7 +20,7 @@ fn color_of(point: u32) -> vec3f { return point_vector(point, 3u).xyz; }
 fn next_of(point: u32) -> u32 { return points[POINT * point + 3u].w; }
 // A point for a pixel that has no surface of its own.
 fn put_nothing(point: u32, next: u32) { points[POINT * point + 3u] = vec4u(0u, 0u, 0u, next); }
-// For such a pixel, the colour that the background adds to it.
+// For such a pixel, the colour that the background adds to it. In a sample, the last word has the stochastic events of its path.
 fn put_missed(point: u32, color: vec3f) { points[POINT * point + 2u] = vec4u(bitcast<vec3u>(color), 0u); }
 fn missed_of(point: u32) -> vec3f { return point_vector(point, 2u).xyz; }
 fn put_point(point: u32, surface: Surface, turned: bool, key: u32, weight: f32, color: vec3f) {

@@ -15,7 +15,8 @@ fn corrected(pixel: Pixel) -> vec4f {
     if !is_glass(triangle) { return vec4f(seen_from_eye(pixel, color.xyz), color.w); }
     let point = snap(triangle, stored_position(pixel).xyz);
     let view = normalize_or(point.position - params.eye, -point.normal);
-    return opaque(glass_color(pixel, triangle, surface_of(point, stored_normal(pixel), view), view, pixel_key(pixel)) + missed_color());
+    let surface = surface_of(point, stored_normal(pixel), view);
+    return opaque(glass_color(pixel, triangle, surface, view, pixel_key(pixel)) + missed_color())⟬ + noted()⟭;
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -211,8 +211,8 @@ const ACCEPT_OPAQUE: u32 = 3u;  // hits except on glass that shadow rays pass (t
 const ACCEPT_COUNTS: u32 = 4u;  // as ACCEPT_STOPS⦃, and glass that focuses light⦄; the covered glass on the way is counted
 
 fn accepts(accept: u32, hit: Hit) -> bool {
-    if accept == ACCEPT_ALL⦃ || (accept == ACCEPT_COUNTS && is_target(hit.triangle))⦄ { return true; }
-    let passes = accept != ACCEPT_COVERED && passes_light(hit.triangle);
+    if accept == ACCEPT_ALL { return true; }
+    let passes = accept != ACCEPT_COVERED && passes_light(hit.triangle)⦃ && !(accept == ACCEPT_COUNTS && is_target(hit.triangle))⦄;
     if accept == ACCEPT_OPAQUE { return !passes; }
     // Drivers inline every call of a function, so coverage is tested in one place.
     if (accept == ACCEPT_STOPS && passes) || !covers(hit) { return false; }

@@ -3,6 +3,8 @@
 // As in `smooth.wgsl`, a loop walks the tree of rays with a list of the branches still to be traced. A surface of rough glass divides a path
 // into several ways on, and dispersion divides it into strata of the spectrum. In both cases the meeting is kept, and its ways are taken in turn:
 // the next one when all branches of the previous one are traced. A path is divided once by each cause, so at most two meetings are kept.
+//
+// Two texts say which ways are followed: `all_ways.wgsl` and `sampled_ways.wgsl`.
 
 // The state of a path.
 struct Path {
@@ -57,7 +59,8 @@ fn index_for(body: u32, stratum: u32) -> f32 {
 fn bends_apart(body: u32) -> bool { return body != NONE && table_number(body_place(body) + 13u) > 0.0; }
 // The random-number key for the surface at which a path ends.
 fn own_key(path: Path) -> u32 {
-    if path.sample == NONE { return path.key; }
+⟬    if path.sample == NONE && first_way > 0u { return path_key(path.key, BRANCH_SCATTERED + first_way); }
+⟭    if path.sample == NONE { return path.key; }
     return path_key(path.key, BRANCH_SCATTERED + path.sample);
 }
 
@@ -74,7 +77,8 @@ fn kept_of(weight: vec3f, kind: u32, path: ptr<function, Path>) -> f32 {
     let cutoff = bitcast<f32>(asked(HEAD_CUTOFF));
     if (*path).importance >= cutoff { return 1.0; }
     if asked(HEAD_ROULETTE) == 0u { return -1.0; }
-    let chance = (*path).importance / cutoff;
+⟬    events |= MET_CHANCE;
+⟭    let chance = (*path).importance / cutoff;
     var wavelength = 0u;
     if (*path).stratum != NONE { wavelength = tables[stratum_at((*path).stratum)]; }
     let key = path_key(path_key(own_key(*path), wavelength), asked(HEAD_CHANCE));
@@ -124,7 +128,8 @@ fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: ve
 }
 // Keeps the meeting of a path that is divided.
 fn divide(part: u32, is_flat: bool, ways: u32) {
-    divisions[divided] = Division(now, part, is_flat, 0u, ways, stored);
+⟬    events |= MET_DIVIDED;
+⟭    divisions[divided] = Division(now, part, is_flat, 0u, ways, stored);
     divided += 1u;
 }
 
@@ -133,10 +138,7 @@ fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
     if now.path.sample == NONE || body.alpha <= 0.0 { return false; }
     let alpha = alpha_at(body, now.hit⟨, now.footprint⟩);
     if alpha <= 0.0 { return false; }
-    let place = asked(HEAD_FACETS) + 2u * now.path.sample;
-    let seeds = dimensions(now.path.key, HASH_FACETS);
-    let point = vec2f(unit_of(scramble_reversed(tables[place], seeds.x)), unit_of(scramble_reversed(tables[place + 1u], seeds.y)));
-    *facet = facet_seen(alpha, interface_normal(now.surface, now.view), now.view, point);
+    *facet = facet_seen(alpha, interface_normal(now.surface, now.view), now.view, facet_point());
     return true;
 }
 
@@ -172,56 +174,6 @@ fn refracted_cone(bent: Bend, ratio: f32) -> Cone {
     if side_of(back) > 0.0 { kept.x = passes_facets(facet, back); }
     if enters { kept.y = passes_facets(facet, bent.refracted); }
     return Ways(bent.meeting.reflectance, back, enters, bent.refracted, kept, false⟨, mirrored_cone(facet.normal), refracted_cone(bent, ratio)⟩);
-}
-
-// The effect on light of one stratum at the surface of a body that disperses colours, and the weights. Beyond the depth, light goes through the
-// surface with the weight of both ways.
-struct Stratum { ways: Ways, share: vec3f, back: vec3f, through: vec3f }
-fn stratum_of(body: Body, border: Border, stratum: u32) -> Stratum {
-    let ways = ways_of(body, index_for(border.after, stratum) / index_for(border.before, stratum));
-    let share = table_vector(stratum_at(stratum) + 1u);
-    let back = share * (ways.reflectance * ways.kept.x) * body.mirrors;
-    let through = share * ((1.0 - ways.reflectance) * ways.kept.y);
-    return Stratum(ways, share, back, through);
-}
-// Takes all strata: reflected light stays together and waits, and the strata follow. Returns the share that enters.
-fn disperse(body: Body, border: Border) -> vec3f {
-    let splits = now.path.splits < params.depth;
-    var direction: vec3f;
-    var is_flat = false;
-    var together = vec3f(0.0);
-    var entering = vec3f(0.0);
-    var deeper = 0u;
-⟨    var cone: Cone;
-⟩    let strata = asked(HEAD_STRATUM_COUNT);
-    for (var i = 0u; i < strata; i += 1u) {
-        let stratum = stratum_of(body, border, i);
-        entering += stratum.share * (1.0 - stratum.ways.reflectance);
-        let goes_on = stratum.ways.enters && !splits;
-        if stratum.ways.enters && splits && !is_black(stratum.back) { deeper = 1u; }
-        if i == 0u {
-            direction = stratum.ways.mirrored;
-            is_flat = stratum.ways.is_flat;
-⟨            cone = stratum.ways.back_cone;
-⟩        }
-        if stratum.ways.is_flat == is_flat && !goes_on { together += stratum.back; }
-    }
-    if !is_black(together) { follow(direction, together, now.path.media, REFLECTED, deeper⟨, cone⟩); }
-    wait_for_it();
-    divide(BY_COLOR, is_flat, strata);
-    return entering;
-}
-// Takes one stratum.
-fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_flat: bool) {
-    let splits = now.path.splits < params.depth;
-    let stratum = stratum_of(body, border, now.path.stratum);
-    let ways = stratum.ways;
-    var through = stratum.through * filter_;
-    if ways.enters && !splits { through += stratum.back; }
-    if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)⟨, ways.on_cone⟩); }
-    // The reflection by another normal than that of the first stratum, which few surfaces have.
-    let apart = ways.is_flat != is_flat && !(ways.enters && !splits);
-    if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u⟨, ways.back_cone⟩); }
 }
 
 // The material of a pane of the report, without own properties.
@@ -274,7 +226,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     let divides = now.path.sample == NONE && asked(HEAD_FACET_COUNT) > 0u && body.alpha > 0.0;
     if body.shape != SHAPE_SOLID {
         if body.shape == SHAPE_THIN && divides && alpha_at(body, now.hit⟨, now.footprint⟩) > 0.0 {
-            divide(BY_FACET, false, asked(HEAD_FACET_COUNT));
+            divide(BY_FACET, false, ways_by_facet());
             return vec3f(0.0);
         }
         return meet_flat(body);
@@ -301,7 +253,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
         return vec3f(body.veil);
     }
     if divides && alpha_at(body, now.hit⟨, now.footprint⟩) > 0.0 {
-        divide(BY_FACET, false, asked(HEAD_FACET_COUNT));
+        divide(BY_FACET, false, ways_by_facet());
         return vec3f(0.0);
     }
     if disperses { return body.veil * disperse(body, border); }
@@ -319,7 +271,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
     missed = vec3f(0.0);
     let position = stored_position(pixel).xyz;
     let around = around_eye();
-    let path = Path(around, key, 0u, 0u, NONE, NONE, 1.0, 0u, 0u⟨, cone_at(first)⟩);
+    let path = Path(around, ⟬begin_sample(pixel, ⟭key⟬)⟭, 0u, 0u, NONE, NONE, 1.0, 0u, 0u⟨, cone_at(first)⟩);
     now = Meeting(located(triangle, position), first, first_view, kept_to_eye(pixel, top_of(around)), path⟨,
                   footprint_of(path.cone, triangle, first_view)⟩);
     var part = WHOLE;
@@ -346,14 +298,7 @@ fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, k
                 now = divisions[last].at;
                 part = divisions[last].part;
                 is_flat = divisions[last].is_flat;
-                if part == BY_COLOR {
-                    now.path.stratum = way;
-                } else {
-                    let share = 1.0 / f32(divisions[last].ways);
-                    now.path.sample = way;
-                    now.path.importance *= share;
-                    now.weight *= share;
-                }
+                take_way(part, way, divisions[last].ways);
                 meets = true;
                 continue;
             }

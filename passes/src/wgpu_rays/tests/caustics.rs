@@ -295,8 +295,11 @@ fn photons_light_what_they_light_on_the_processor() {
     let mut bubble = meshes_and_spheres();
     bubble.scene.geometry.spheres.remove(0);
     let soft = RayParams { sun: 1.5, sun_samples: 4, ..photons(2) };
+    let mut cut_out = meshes();
+    (1..3).for_each(|material| cut_out.cut_out(material, false));
     for (world, params) in [
         (meshes(), photons(0)),
+        (cut_out, photons(0)),
         (meshes(), photons(9)),
         (meshes_and_spheres(), photons(0)),
         (bubble, photons(0)),

@@ -3,6 +3,7 @@
 use super::caustics::meshes;
 use super::glass::auto;
 use super::{bits, picture, rays};
+use crate::adaptive::Sampling;
 use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::cpu::CpuRasteriser;
@@ -14,7 +15,7 @@ use crate::wgpu_rays::tables::Tables;
 use crate::wgpu_rays::{NAME, WgpuRays, selftest};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayJob};
 use curitiba_pipeline::executor::{Engines, Fallback, Observer, Progress, Renderer, Silent, Spare, StepKind};
-use curitiba_pipeline::glass::{GlassRule, GlassShadow};
+use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
@@ -155,17 +156,22 @@ fn more_photons_than_the_device_binds_are_refused() {
     }
     let fewer = job(6000);
     let focused = rays.focused.of(NAME, &fewer, &Progress::default()).expect("they are shot");
-    let tables = Tables::of(&fewer, &focused, false).expect("complete");
+    let tables = Tables::of(&fewer, Sampling::All, &focused, false).expect("complete");
     assert!(rays.check_tables(&fewer, &tables).is_ok(), "control");
 }
 
 #[test]
-fn sampling_to_an_error_is_refused() {
+fn sampling_to_an_error_in_the_memory_of_the_device_is_refused() {
     with_job(|rays, scene, job| {
         rays.build(scene, &[]).expect("it fits");
+        let rough = vec![Dielectric { alpha: 0.1, ..Dielectric::default() }; scene.materials.len()];
         let params = RayParams { error: 0.01, glass: GlassRule::Auto, ..job.params };
-        let message = failure(rays, &RayJob { program: RayProgram::Refraction, params, ..*job }).to_string();
-        assert!(message.contains("error=0.01 asks for") && !rays.samples_adaptively(), "{message}");
+        let job = RayJob { program: RayProgram::Refraction, params, dielectrics: &rough, ..*job };
+        let message = failure(rays, &RayJob { shared: Some(1), ..job }).to_string();
+        assert!(message.contains("not in host memory"), "{message}");
+        let refused = rays.run_in_place(&job, 0, &Progress::default()).expect_err("refused").to_string();
+        assert!(refused.contains("not in host memory"), "{refused}");
+        assert!(rays.samples_adaptively());
     });
 }
 

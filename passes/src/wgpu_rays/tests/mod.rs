@@ -1,6 +1,7 @@
 //! Compares the backend with the processor. Without an adapter, tests that need one print `skipped: why` and pass; with
 //! `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
+mod adaptive;
 mod bundles;
 mod caustics;
 mod cones;

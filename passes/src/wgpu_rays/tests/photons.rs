@@ -73,7 +73,7 @@ fn found(rays: &WgpuRays, photons: &PhotonMap, cases: &[[f32; GIVEN]], change: [
     let mut tables = vec![0; BODY_HEAD as usize];
     tables[HEAD_PHOTONS as usize] = append(&mut tables, photons).expect("there is memory");
     let (program, variant, lighting) = (RayProgram::Final, Variant::Bodies, Lighting::Sun);
-    let kind = Kind { program, variant, lighting, spheres: false, focuses: true };
+    let kind = Kind { program, variant, lighting, spheres: false, focuses: true, sampled: false };
     let text = source(kind, Stage::Focus, (rays.arithmetic, TextureLod::Zero), Split::default()).expect("written");
     let [old, new] = change;
     assert_eq!(text.matches(old).count(), 1, "{old}");

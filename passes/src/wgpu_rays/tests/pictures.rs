@@ -7,7 +7,7 @@ use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::gpu::AdapterKind;
 use crate::wgpu_rays::WgpuRays;
 use curitiba_pipeline::backend::RayBackend;
-use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
@@ -155,8 +155,9 @@ fn agrees(program: RayProgram, params: RayParams, few: [usize; 2]) {
 fn mirrors_and_glass_show_what_the_processors_do() {
     agrees(RayProgram::Reflection, RayParams::default(), [FEW; 2]);
     agrees(RayProgram::Refraction, RayParams::default(), [FEW; 2]);
-    let schlick = RayParams { fresnel: curitiba_pipeline::programs::Fresnel::Schlick, ..RayParams::default() };
-    agrees(RayProgram::Refraction, schlick, [FEW; 2]);
+    for fresnel in [Fresnel::Schlick, Fresnel::S, Fresnel::P] {
+        agrees(RayProgram::Refraction, RayParams { fresnel, ..RayParams::default() }, [FEW; 2]);
+    }
 }
 
 #[test]

@@ -99,8 +99,14 @@ fn cases() -> Vec<Case> {
 /// The device's output for each case; `change` is applied to the source of the programs.
 fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind =
-        Kind { program: RayProgram::Reflection, variant, lighting: Lighting::Sun, spheres: true, focuses: false };
+    let kind = Kind {
+        program: RayProgram::Reflection,
+        variant,
+        lighting: Lighting::Sun,
+        spheres: true,
+        focuses: false,
+        sampled: false,
+    };
     let text = source(kind, Stage::Whole, (rays.arithmetic, TextureLod::Zero), Split::default()).expect("written");
     let given: Vec<[f32; GIVEN]> = cases
         .iter()

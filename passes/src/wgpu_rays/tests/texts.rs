@@ -35,7 +35,14 @@ fn every_text() -> HashMap<String, String> {
         let bodies = [Variant::Bodies, Variant::Ways].into_iter().filter(|_| knows);
         for variant in panes.into_iter().chain(bodies) {
             let eye = variant.knows_bodies().then_some(&Stage::Eye);
-            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
+            let kind = Kind {
+                program: info.program,
+                variant,
+                lighting: Lighting::Sun,
+                spheres: false,
+                focuses: false,
+                sampled: false,
+            };
             let filtered = info.reads("filter").then_some(&Stage::Surfaces);
             let kernels =
                 stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye).chain(filtered);
@@ -55,7 +62,8 @@ fn every_text() -> HashMap<String, String> {
         let knows = Variant::OF_BODIES.contains(&program);
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
-            let kind = Kind { program, variant, lighting: Lighting::Lights, spheres: false, focuses: false };
+            let kind =
+                Kind { program, variant, lighting: Lighting::Lights, spheres: false, focuses: false, sampled: false };
             for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
                 for lod in [TextureLod::Zero, TextureLod::Cones] {
                     add(kind, *stage, Arithmetic::default(), lod, Split::default());
@@ -70,7 +78,8 @@ fn every_text() -> HashMap<String, String> {
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
             for lighting in [Lighting::Sun, Lighting::Lights] {
-                let kind = Kind { program: info.program, variant, lighting, spheres: true, focuses: false };
+                let kind =
+                    Kind { program: info.program, variant, lighting, spheres: true, focuses: false, sampled: false };
                 let eye = variant.knows_bodies().then_some(&Stage::Eye);
                 let filtered = info.reads("filter").then_some(&Stage::Surfaces);
                 let kernels = stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]);
@@ -85,7 +94,7 @@ fn every_text() -> HashMap<String, String> {
     // Where glass focuses light.
     for (variant, spheres) in [Variant::Bodies, Variant::Ways].into_iter().flat_map(|it| [(it, true), (it, false)]) {
         for lighting in [Lighting::Sun, Lighting::Lights] {
-            let kind = Kind { program: RayProgram::Final, variant, lighting, spheres, focuses: true };
+            let kind = Kind { program: RayProgram::Final, variant, lighting, spheres, focuses: true, sampled: false };
             for stage in
                 [100, 1, 0].into_iter().flat_map(|samples| stages(kind, samples)).chain([&Stage::Whole, &Stage::Eye])
             {
@@ -95,11 +104,27 @@ fn every_text() -> HashMap<String, String> {
             }
         }
     }
+    // Where the ways of paths are a sample.
+    for program in Variant::OF_BODIES {
+        for (spheres, focuses) in [(false, false), (true, false), (false, true), (true, true)] {
+            if focuses && program != RayProgram::Final {
+                continue;
+            }
+            for lighting in [Lighting::Sun, Lighting::Lights] {
+                let kind = Kind { program, variant: Variant::Ways, lighting, spheres, focuses, sampled: true };
+                for stage in [100, 1, 0].into_iter().flat_map(|samples| stages(kind, samples)) {
+                    for lod in [TextureLod::Zero, TextureLod::Cones] {
+                        add(kind, *stage, Arithmetic::default(), lod, Split::default());
+                    }
+                }
+            }
+        }
+    }
     // With arrays in several bindings.
     let split = Split { bindings: [1, 2, 3, 4, 5], bytes: 1 << 27 };
     for program in [RayProgram::Ssao, RayProgram::Final] {
         let variant = Variant::Panes(Fidelity::Corrected);
-        let kind = Kind { program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
+        let kind = Kind { program, variant, lighting: Lighting::Sun, spheres: false, focuses: false, sampled: false };
         for stage in stages(kind, 100) {
             add(kind, *stage, Arithmetic::default(), TextureLod::Zero, split);
         }
@@ -129,6 +154,7 @@ fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
             lighting: Lighting::Sun,
             spheres: false,
             focuses: false,
+            sampled: false,
         };
         for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
             let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
@@ -151,7 +177,14 @@ fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
+    let kind = Kind {
+        program: info.program,
+        variant,
+        lighting: Lighting::Sun,
+        spheres: false,
+        focuses: false,
+        sampled: false,
+    };
     // Only programs for exact spheres declare the last parameters; in others, padding makes the structure as long.
     let lengths = [false, true].map(|spheres| {
         let kind = Kind { spheres, ..kind };
@@ -183,7 +216,7 @@ fn parameters_lie_where_the_host_writes_them() {
     }
     same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
-        capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
+        capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut fresnel
         has_normals id_base radius index decoded_at colors_at beyond bodies_at tangents_at cone_width cone_spread lights_at whole
         sphere_root spheres_at first_sphere);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
@@ -197,7 +230,14 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             if variant == Variant::Ways && !knows {
                 continue;
             }
-            let kind = Kind { program: info.program, variant, lighting: Lighting::Sun, spheres: false, focuses: false };
+            let kind = Kind {
+                program: info.program,
+                variant,
+                lighting: Lighting::Sun,
+                spheres: false,
+                focuses: false,
+                sampled: false,
+            };
             let text = |lod| {
                 let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
                 // Without the parameters of cones, which all programs declare, and without comments.
@@ -218,7 +258,8 @@ fn programs_of_one_light_have_no_word_of_several() {
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         let variant = Variant::Panes(Fidelity::Corrected);
         let text = |lighting| {
-            let kind = Kind { program: info.program, variant, lighting, spheres: false, focuses: false };
+            let kind =
+                Kind { program: info.program, variant, lighting, spheres: false, focuses: false, sampled: false };
             let arithmetic = (Arithmetic::default(), TextureLod::Zero);
             source(kind, Stage::Whole, arithmetic, Split::default()).expect("written")
         };
@@ -247,6 +288,30 @@ fn programs_of_scenes_without_spheres_have_no_word_of_them() {
 }
 
 #[test]
+fn programs_that_follow_all_ways_have_no_word_of_samples() {
+    let words = ["first_way", "way_count", "events", "in_order", "SAMPLE_", "MET_", "HASH_SPECTRUM", "⟬", "⟭"];
+    let code = |text: &str| text.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<String>();
+    let (mut with, mut without) = (0, 0);
+    for (kernel, text) in &every_text() {
+        let code = code(text);
+        let says = words.iter().any(|word| code.contains(word));
+        let follows = [" Whole ", " List ", " Sum "].iter().any(|stage| kernel.contains(stage));
+        assert_eq!(says, follows && kernel.contains("sampled: true"), "{kernel}");
+        assert!(!code.contains(['⟬', '⟭']), "{kernel}");
+        *if says { &mut with } else { &mut without } += 1;
+    }
+    assert!(with >= 30 && without >= 200, "{with} {without}");
+    // Kernels that follow no paths are the same with samples and without.
+    let (program, variant, lighting) = (RayProgram::Final, Variant::Ways, Lighting::Sun);
+    let [all, sampled] = [false, true].map(|sampled| {
+        let kind = Kind { program, variant, lighting, spheres: false, focuses: false, sampled };
+        let text = |stage| source(kind, stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
+        [Stage::Eye, Stage::Light, Stage::Settle, Stage::Trace, Stage::List, Stage::Sum].map(text)
+    });
+    assert!(all[..4] == sampled[..4] && all[4] != sampled[4] && all[5] != sampled[5]);
+}
+
+#[test]
 fn programs_where_no_glass_focuses_light_have_no_word_of_it() {
     let of_spheres = ["lens", "left_out", "struct Turned"];
     let words = [&["focus", "is_target", "light_of_photons", "segment", "⦃", "⦄"], &of_spheres[..]].concat();
@@ -265,7 +330,8 @@ fn programs_where_no_glass_focuses_light_have_no_word_of_it() {
     // Kernels that compute no light are the same as in any scene.
     let variant = Variant::Bodies;
     let of = |focuses, spheres| {
-        let kind = Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres, focuses };
+        let kind =
+            Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres, focuses, sampled: false };
         let text = |stage| source(kind, stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
         [Stage::Eye, Stage::Settle, Stage::Trace, Stage::Sum].map(text)
     };

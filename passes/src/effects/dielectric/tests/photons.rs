@@ -385,6 +385,21 @@ fn thin_glass_before_and_behind_lets_photons_straight_on() {
     assert!(shoot(&nothing, caustic(1 << 10), 0).is_empty());
 }
 
+/// Photons are shot at a ball of triangles, whether or not it is cut out. Light falls through its holes.
+#[test]
+fn light_falls_through_what_is_cut_out_of_a_body() {
+    let behind = |cut_out: bool| {
+        let mut world = scene(solid(1.5, Vec3::ZERO), 2.0, 3);
+        if cut_out {
+            world.cut_out(0, true);
+        }
+        // Beside the focus, where hardly any photons land.
+        light_at(&world, &[(Vec3::X * 0.8, Vec3::Z)], caustic(1 << 10))[0]
+    };
+    assert!((behind(true) - 1.0).abs().max_element() < 1e-5, "{}", behind(true));
+    assert!(behind(false).max_element() < 0.5, "control: {}", behind(false));
+}
+
 #[test]
 fn a_disc_of_light_blurs_the_focus() {
     let world = scene(solid(1.5, Vec3::ZERO), 1.5, LEVELS);

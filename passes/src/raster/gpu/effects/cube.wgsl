@@ -14,7 +14,7 @@ struct Params {
     // Refractive index of a whole pane.
     index: f32,
     // 1 selects Schlick's approximation of Fresnel's equations.
-    schlick: u32,
+    fresnel: u32,
 }
 
 // Six layers for each probe, one for each face.

@@ -4,7 +4,7 @@ struct Interface {
     cos_refracted: f32,
 }
 
-// Fresnel's equations for unpolarised light: `effects::interface`, in single precision.
+// Fresnel's equations (`effects::interface`), in single precision. `params.fresnel` is the number of a `Fresnel`.
 fn fresnel(cosine: f32) -> Interface {
     let cos = clamp(cosine, 0.0, 1.0);
     let index = params.index;
@@ -14,7 +14,7 @@ fn fresnel(cosine: f32) -> Interface {
         return Interface(1.0, 0.0);
     }
     let bent = sqrt(discriminant) / index;
-    if params.schlick == 1u {
+    if params.fresnel == 1u {
         // `effects::schlick`.
         let root = (index - 1.0) / (index + 1.0);
         let zero = root * root;
@@ -24,5 +24,12 @@ fn fresnel(cosine: f32) -> Interface {
     }
     let perpendicular = (cos - index * bent) / (cos + index * bent);
     let parallel = (index * cos - bent) / (index * cos + bent);
-    return Interface(0.5 * (perpendicular * perpendicular + parallel * parallel), bent);
+    let shares = vec2f(perpendicular * perpendicular, parallel * parallel);
+    if params.fresnel == 2u {
+        return Interface(shares.x, bent);
+    }
+    if params.fresnel == 3u {
+        return Interface(shares.y, bent);
+    }
+    return Interface(0.5 * (shares.x + shares.y), bent);
 }

@@ -19,7 +19,7 @@ struct Params {
     // Refractive index of a whole pane.
     index: f32,
     // 1 selects Schlick's approximation of Fresnel's equations.
-    schlick: u32,
+    fresnel: u32,
     thickness: f32,
     // 1: pixels without an answer get the alpha LEFT.
     leaves: u32,

@@ -10,9 +10,9 @@ use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::effects::screen::pyramid::{Level, MAX_LEVELS};
 use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS, TAPS, Tap};
 use curitiba_pipeline::backend::EffectJob;
-use curitiba_pipeline::programs::Fresnel;
 use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES, Missing};
 use glam::{Mat4, Vec2, Vec4};
+
 /// Size of a program's own uniforms, in bytes.
 pub const fn params_bytes(variant: Variant) -> usize {
     match variant.program {
@@ -113,7 +113,7 @@ pub struct CubeUniform {
     probes: u32,
     ranges: u32,
     index: f32,
-    schlick: u32,
+    fresnel: u32,
     padding: [u32; 3],
 }
 
@@ -126,7 +126,7 @@ impl CubeUniform {
             probes: probes as u32,
             ranges: ranges as u32,
             index: job.params.index,
-            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            fresnel: job.params.fresnel as u32,
             padding: [0; 3],
         }
     }
@@ -145,7 +145,7 @@ pub struct ScreenUniform {
     probes: u32,
     ranges: u32,
     index: f32,
-    schlick: u32,
+    fresnel: u32,
     thickness: f32,
     leaves: u32,
 }
@@ -173,7 +173,7 @@ impl ScreenUniform {
             probes: probes as u32,
             ranges: ranges as u32,
             index: job.params.index,
-            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            fresnel: job.params.fresnel as u32,
             thickness: job.params.thickness,
             leaves,
             ..uniform
@@ -363,13 +363,13 @@ mod tests {
         let cascade = offsets!(CascadeUniform: map_from_world, slope_bias, rounding_bias, texel_bias, spread, aside);
         assert_eq!(layout(ShadowMap, "Cascade"), cascade);
         for program in [CubeReflection, CubeRefraction] {
-            let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index, schlick);
+            let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index, fresnel);
             assert_eq!(layout(program, "Params"), cube);
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high, center, proxy_low, proxy_high));
         }
         for program in [ScreenReflection, ScreenRefraction] {
             let screen = offsets!(
-                ScreenUniform: camera, eye, axes, levels, level_count, map_size, probes, ranges, index, schlick, thickness, leaves
+                ScreenUniform: camera, eye, axes, levels, level_count, map_size, probes, ranges, index, fresnel, thickness, leaves
             );
             assert_eq!(layout(program, "Params"), screen);
             let camera = offsets!(ScreenCamera: columns, rows, depths, from, right, down, forward);

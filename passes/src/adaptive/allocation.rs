@@ -33,7 +33,7 @@ const QUANTILE: f64 = 2.0;
 
 /// A pixel whose glass is stochastic.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sampled {
+pub struct Sampled {
     /// Its index in the picture.
     pub index: u32,
     /// Whether rough or dispersive glass divided a path of this pixel into several ways; if not, its paths differ only by Russian roulette.
