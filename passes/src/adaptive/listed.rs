@@ -173,7 +173,7 @@ impl Picture {
         self.normal.push(job.normal[index]);
         self.color.push(job.color[index]);
         self.triangle.push(job.triangle[index]);
-        let (x, y) = (index as u32 % job.width, index as u32 / job.width);
+        let (x, y) = (job.origin[0] + index as u32 % job.width, job.origin[1] + index as u32 / job.width);
         let key = Sample::key_of_half(pixel_key(x, y, job.seed), half);
         self.ways.push([key, first, ways, 0]);
         self.paths.push((place, half, ways));
