@@ -362,10 +362,15 @@ fn a_wrong_word_of_focused_light_is_noticed() {
             "spheres_final.cpp",
             "scene.cuh",
             point,
-            ["if (focuses(params, hit.triangle, crossings->origin)) return true;", ""],
+            ["if (focused && focuses(params, hit.triangle, crossings->origin)) return true;", ""],
         ),
         // The sphere stops the light that it focuses.
-        ("spheres_final.cpp", "scene.cuh", point, ["if (hit.triangle == crossings->without) return false;", ""]),
+        (
+            "spheres_final.cpp",
+            "scene.cuh",
+            point,
+            ["if (focused && hit.triangle == crossings->without) return false;", ""],
+        ),
         // Light is not dimmed by the second face.
         ("spheres_final.cpp", "focus.cuh", point, ["kept = passes * passes * faces", "kept = passes * faces"]),
         // Nothing before or behind the sphere stops it.

@@ -362,12 +362,12 @@ fn a_wrong_word_of_paths_that_are_divided_or_cut_off_is_noticed() {
         (&plain, cut(by_chance), ["dimensions(key, HASH_ROULETTE).x", "dimensions(key, HASH_ROULETTE).y"]),
         // One reflection fewer.
         (&plain, cut(bounces), ["path.reflections > ways.reflections", "path.reflections >= ways.reflections"]),
-        // Colours keep the index of line d; negative weights are cut off; reflected light loses its colour.
+        // Colours keep the index of line d; negative weights are positive; reflected light loses its colour.
         (&colors, EACH_COLOR, ["if (stratum == NO_WAY) return index;", "return index;"]),
         (
             &colors,
             EACH_COLOR,
-            ["stratum.weight = xyz(numbers);", "stratum.weight = vec3(fmaxf(numbers.x, 0.0f), numbers.y, numbers.z);"],
+            ["return xyz(stratum_of(params, stratum));", "return absolute(xyz(stratum_of(params, stratum)));"],
         ),
         (
             &own,

@@ -321,7 +321,7 @@ fn photons_light_what_they_light_on_the_processor() {
         let off = differing(&found, &expected, 0.01);
         println!("{off} pixels are off; photons change {changed:?}, through glass and beside it; {mine:?} {theirs:?}");
         assert!(off <= FEW, "{params:?}: {off} pixels are off");
-        assert!(changed[0] > 3 * FEW && changed[1] > 8 * FEW, "{changed:?} pixels show photons");
+        assert!(changed[0] > 2 * FEW && changed[1] > 8 * FEW, "{changed:?} pixels show photons");
         let PhotonCounts { shot, landed, .. } = mine.photons;
         assert!(mine.photons == theirs.photons && shot == 20_000 && landed > 2000, "{mine:?} {theirs:?}");
         // The processor traces a second ray from surfaces whose light passes glass.
