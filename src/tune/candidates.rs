@@ -146,7 +146,7 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
     if info.reads("fresnel") && fidelity == Fidelity::Corrected {
         // Polarised light is another question, and not another answer.
         match pass.params.fresnel {
-            polarised @ (Fresnel::S | Fresnel::P) => put(RayParams { fresnel: polarised, ..pass.params }),
+            Fresnel::S | Fresnel::P => put(pass.params),
             Fresnel::Exact | Fresnel::Schlick => {
                 [Fresnel::Exact, Fresnel::Schlick]
                     .into_iter()

@@ -26,8 +26,8 @@ pub struct Interface {
     pub cos_refracted: f32,
 }
 
-/// Fresnel's equations for unpolarised light on an interface: the mean of both polarisations ([`polarised`]). `cos` is the cosine of the angle of incidence (clamped to 0..=1), and
-/// `index` the refractive index of the far side over that of the near side (above 0).
+/// Fresnel's equations for unpolarised light on an interface: the mean of both polarisations ([`polarised`]). `cos` is the cosine of the angle of
+/// incidence (clamped to 0..=1), and `index` the refractive index of the far side over that of the near side (above 0).
 ///
 /// Total reflection, possible for `index < 1` only, is a reflectance of exactly 1. Evaluated in double precision: next to
 /// the critical angle the square root magnifies a rounding error of the discriminant.

@@ -47,6 +47,11 @@ pub struct Kind {
 }
 
 impl Kind {
+    /// The kind for one light that is a point, in a scene without exact spheres and focused light, for paths that take all ways.
+    pub const fn plain(program: RayProgram, variant: Variant) -> Self {
+        Self { program, variant, lighting: Lighting::Sun, spheres: false, focuses: false, sampled: false }
+    }
+
     /// The kind for a job whose paths take all ways; `focuses` says whether its glass focuses light.
     pub fn of(job: &RayJob<'_>, focuses: bool) -> Self {
         let spheres = !job.scene.geometry.spheres.is_empty();
@@ -384,8 +389,7 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
 /// The source of how a sphere focuses parallel light, with all sources that it needs, for tests that add their own use of the bundles.
 #[cfg(test)]
 pub fn ball(arithmetic: Arithmetic) -> String {
-    let (program, variant, lighting) = (RayProgram::Final, Variant::Bodies, Lighting::Sun);
-    let kind = Kind { program, variant, lighting, spheres: true, focuses: true, sampled: false };
+    let kind = Kind { spheres: true, focuses: true, ..Kind::plain(RayProgram::Final, Variant::Bodies) };
     let texts = texts(kind, Stage::Focus, false).expect("it is written");
     // All sources except those of the kernel and of the lighting of surfaces.
     let texts = texts.into_iter().filter(|text| ![FOCUS, PHOTONS, text!("lens"), text!("final_focus")].contains(text));
@@ -397,10 +401,8 @@ pub fn ball(arithmetic: Arithmetic) -> String {
 /// The program that traces segments between triangles.
 pub fn segments(arithmetic: Arithmetic) -> String {
     let lod = TextureLod::Zero;
-    let variant = Variant::Panes(Fidelity::Corrected);
     // The functions do not depend on the program.
-    let (program, lighting) = (RayProgram::DeferredShadows, Lighting::Sun);
-    let kind = Kind { program, variant, lighting, spheres: false, focuses: false, sampled: false };
+    let kind = Kind::plain(RayProgram::DeferredShadows, Variant::Panes(Fidelity::Corrected));
     unmarked(&functions(arithmetic, kind, Split::default(), lod), kind, lod) + text!("segments")
 }
 

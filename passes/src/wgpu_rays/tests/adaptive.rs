@@ -9,7 +9,7 @@ use crate::adaptive::Sampling;
 use crate::cpu::{CpuRays, new_pass};
 use crate::effects::dielectric::{Met, Sample, Variant};
 use crate::effects::tests::world::{Shot, World, grid};
-use crate::effects::{AlphaTested, Lighting, Pixel, Workspace, combined, refraction};
+use crate::effects::{AlphaTested, Pixel, Workspace, combined, refraction};
 use crate::raster::gpu::AdapterKind;
 use crate::sampling::hash::{FACET_ORDER, FACETS, SPECTRUM, dimensions, pixel_key, unit};
 use crate::sampling::owen_sobol::{laine_karras, reversed_sobol, scramble_reversed};
@@ -315,8 +315,7 @@ fn points_of_facets_and_strata_of_ways_are_those_of_the_processor() {
     let Some(rays) = rays() else { return };
     let cases: Vec<[f32; 2]> =
         (0..3000_u32).map(|i| [i.wrapping_mul(7919) % 100_003, i % 1025].map(|i| i as f32)).collect();
-    let (program, variant, lighting) = (RayProgram::Refraction, Variant::Ways, Lighting::Sun);
-    let kind = Kind { program, variant, lighting, spheres: false, focuses: false, sampled: true };
+    let kind = Kind { sampled: true, ..Kind::plain(RayProgram::Refraction, Variant::Ways) };
     let text = source(kind, Stage::Whole, (rays.arithmetic, TextureLod::Zero), Split::default()).expect("written");
     // All parameters are 0 in this test; the settings lie behind the two words of samples.
     let text = text.replace("params.bodies_at", "(2u + params.zero)");

@@ -2,7 +2,7 @@
 
 use super::rays;
 use crate::effects::dielectric::Variant;
-use crate::effects::{Lighting, fresnel, schlick};
+use crate::effects::{fresnel, schlick};
 use crate::raster::gpu::AdapterKind;
 use crate::raster::gpu::device::Gpu;
 use crate::sampling::{hash, hemisphere, sine_noise};
@@ -99,14 +99,7 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 /// The device's output for each case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind {
-        program: RayProgram::Final,
-        variant,
-        lighting: Lighting::Sun,
-        spheres: false,
-        focuses: false,
-        sampled: false,
-    };
+    let kind = Kind::plain(RayProgram::Final, variant);
     let text = source(kind, Stage::Whole, (arithmetic, TextureLod::Zero), Split::default()).expect("written") + ENTRY;
     let scene: [(u32, &[u8]); 2] =
         [(2, bytemuck::cast_slice(&geometry.positions)), (3, bytemuck::cast_slice(&geometry.triangles))];

@@ -2,7 +2,6 @@
 
 use super::functions::{Random, answers};
 use super::rays;
-use crate::effects::Lighting;
 use crate::effects::constants::PHOTON_GRAZING;
 use crate::effects::dielectric::{Cloud, Photon, PhotonMap, Variant};
 use crate::wgpu_rays::layout::{BODY_HEAD, HEAD_PHOTONS};
@@ -72,8 +71,7 @@ fn found(rays: &WgpuRays, photons: &PhotonMap, cases: &[[f32; GIVEN]], change: [
     // The tables begin with the settings for paths in glass, of which programs read the place of the photons.
     let mut tables = vec![0; BODY_HEAD as usize];
     tables[HEAD_PHOTONS as usize] = append(&mut tables, photons).expect("there is memory");
-    let (program, variant, lighting) = (RayProgram::Final, Variant::Bodies, Lighting::Sun);
-    let kind = Kind { program, variant, lighting, spheres: false, focuses: true, sampled: false };
+    let kind = Kind { focuses: true, ..Kind::plain(RayProgram::Final, Variant::Bodies) };
     let text = source(kind, Stage::Focus, (rays.arithmetic, TextureLod::Zero), Split::default()).expect("written");
     let [old, new] = change;
     assert_eq!(text.matches(old).count(), 1, "{old}");

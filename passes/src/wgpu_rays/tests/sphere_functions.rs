@@ -2,7 +2,6 @@
 
 use super::functions::{Random, answers};
 use super::rays;
-use crate::effects::Lighting;
 use crate::effects::dielectric::Variant;
 use crate::raster::gpu::AdapterKind;
 use crate::trace::{Ray, SurfacePoint, sphere_roots};
@@ -99,14 +98,7 @@ fn cases() -> Vec<Case> {
 /// The device's output for each case; `change` is applied to the source of the programs.
 fn found(rays: &WgpuRays, cases: &[Case], change: impl Fn(String) -> String) -> Vec<[u32; WORDS]> {
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind {
-        program: RayProgram::Reflection,
-        variant,
-        lighting: Lighting::Sun,
-        spheres: true,
-        focuses: false,
-        sampled: false,
-    };
+    let kind = Kind { spheres: true, ..Kind::plain(RayProgram::Reflection, variant) };
     let text = source(kind, Stage::Whole, (rays.arithmetic, TextureLod::Zero), Split::default()).expect("written");
     let given: Vec<[f32; GIVEN]> = cases
         .iter()

@@ -35,14 +35,7 @@ fn every_text() -> HashMap<String, String> {
         let bodies = [Variant::Bodies, Variant::Ways].into_iter().filter(|_| knows);
         for variant in panes.into_iter().chain(bodies) {
             let eye = variant.knows_bodies().then_some(&Stage::Eye);
-            let kind = Kind {
-                program: info.program,
-                variant,
-                lighting: Lighting::Sun,
-                spheres: false,
-                focuses: false,
-                sampled: false,
-            };
+            let kind = Kind::plain(info.program, variant);
             let filtered = info.reads("filter").then_some(&Stage::Surfaces);
             let kernels =
                 stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]).chain(eye).chain(filtered);
@@ -62,8 +55,7 @@ fn every_text() -> HashMap<String, String> {
         let knows = Variant::OF_BODIES.contains(&program);
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
-            let kind =
-                Kind { program, variant, lighting: Lighting::Lights, spheres: false, focuses: false, sampled: false };
+            let kind = Kind { lighting: Lighting::Lights, ..Kind::plain(program, variant) };
             for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
                 for lod in [TextureLod::Zero, TextureLod::Cones] {
                     add(kind, *stage, Arithmetic::default(), lod, Split::default());
@@ -78,8 +70,7 @@ fn every_text() -> HashMap<String, String> {
         for variant in [panes, Variant::Bodies, Variant::Ways].into_iter().filter(|variant| knows || *variant == panes)
         {
             for lighting in [Lighting::Sun, Lighting::Lights] {
-                let kind =
-                    Kind { program: info.program, variant, lighting, spheres: true, focuses: false, sampled: false };
+                let kind = Kind { lighting, spheres: true, ..Kind::plain(info.program, variant) };
                 let eye = variant.knows_bodies().then_some(&Stage::Eye);
                 let filtered = info.reads("filter").then_some(&Stage::Surfaces);
                 let kernels = stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]);
@@ -94,7 +85,7 @@ fn every_text() -> HashMap<String, String> {
     // Where glass focuses light.
     for (variant, spheres) in [Variant::Bodies, Variant::Ways].into_iter().flat_map(|it| [(it, true), (it, false)]) {
         for lighting in [Lighting::Sun, Lighting::Lights] {
-            let kind = Kind { program: RayProgram::Final, variant, lighting, spheres, focuses: true, sampled: false };
+            let kind = Kind { lighting, spheres, focuses: true, ..Kind::plain(RayProgram::Final, variant) };
             for stage in
                 [100, 1, 0].into_iter().flat_map(|samples| stages(kind, samples)).chain([&Stage::Whole, &Stage::Eye])
             {
@@ -111,7 +102,7 @@ fn every_text() -> HashMap<String, String> {
                 continue;
             }
             for lighting in [Lighting::Sun, Lighting::Lights] {
-                let kind = Kind { program, variant: Variant::Ways, lighting, spheres, focuses, sampled: true };
+                let kind = Kind { lighting, spheres, focuses, sampled: true, ..Kind::plain(program, Variant::Ways) };
                 for stage in [100, 1, 0].into_iter().flat_map(|samples| stages(kind, samples)) {
                     for lod in [TextureLod::Zero, TextureLod::Cones] {
                         add(kind, *stage, Arithmetic::default(), lod, Split::default());
@@ -124,7 +115,7 @@ fn every_text() -> HashMap<String, String> {
     let split = Split { bindings: [1, 2, 3, 4, 5], bytes: 1 << 27 };
     for program in [RayProgram::Ssao, RayProgram::Final] {
         let variant = Variant::Panes(Fidelity::Corrected);
-        let kind = Kind { program, variant, lighting: Lighting::Sun, spheres: false, focuses: false, sampled: false };
+        let kind = Kind::plain(program, variant);
         for stage in stages(kind, 100) {
             add(kind, *stage, Arithmetic::default(), TextureLod::Zero, split);
         }
@@ -148,14 +139,7 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
 #[test]
 fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
     for program in [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final] {
-        let kind = Kind {
-            program,
-            variant: Variant::Panes(Fidelity::Corrected),
-            lighting: Lighting::Sun,
-            spheres: false,
-            focuses: false,
-            sampled: false,
-        };
+        let kind = Kind::plain(program, Variant::Panes(Fidelity::Corrected));
         for stage in stages(kind, 100).iter().chain(stages(kind, 1)).chain([&Stage::Whole]) {
             let text = source(kind, *stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
             let text = text.expect("written");
@@ -177,14 +161,7 @@ fn parameters_in_a_storage_buffer_are_copied_before_anything_else() {
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
     let variant = Variant::Panes(Fidelity::Corrected);
-    let kind = Kind {
-        program: info.program,
-        variant,
-        lighting: Lighting::Sun,
-        spheres: false,
-        focuses: false,
-        sampled: false,
-    };
+    let kind = Kind::plain(info.program, variant);
     // Only programs for exact spheres declare the last parameters; in others, padding makes the structure as long.
     let lengths = [false, true].map(|spheres| {
         let kind = Kind { spheres, ..kind };
@@ -230,14 +207,7 @@ fn programs_that_read_level_0_have_no_word_of_cones() {
             if variant == Variant::Ways && !knows {
                 continue;
             }
-            let kind = Kind {
-                program: info.program,
-                variant,
-                lighting: Lighting::Sun,
-                spheres: false,
-                focuses: false,
-                sampled: false,
-            };
+            let kind = Kind::plain(info.program, variant);
             let text = |lod| {
                 let text = source(kind, Stage::Whole, (Arithmetic::default(), lod), Split::default()).expect("written");
                 // Without the parameters of cones, which all programs declare, and without comments.
@@ -258,8 +228,7 @@ fn programs_of_one_light_have_no_word_of_several() {
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         let variant = Variant::Panes(Fidelity::Corrected);
         let text = |lighting| {
-            let kind =
-                Kind { program: info.program, variant, lighting, spheres: false, focuses: false, sampled: false };
+            let kind = Kind { lighting, ..Kind::plain(info.program, variant) };
             let arithmetic = (Arithmetic::default(), TextureLod::Zero);
             source(kind, Stage::Whole, arithmetic, Split::default()).expect("written")
         };
@@ -304,7 +273,7 @@ fn programs_that_follow_all_ways_have_no_word_of_samples() {
     // Kernels that follow no paths are the same with samples and without.
     let (program, variant, lighting) = (RayProgram::Final, Variant::Ways, Lighting::Sun);
     let [all, sampled] = [false, true].map(|sampled| {
-        let kind = Kind { program, variant, lighting, spheres: false, focuses: false, sampled };
+        let kind = Kind { lighting, sampled, ..Kind::plain(program, variant) };
         let text = |stage| source(kind, stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
         [Stage::Eye, Stage::Light, Stage::Settle, Stage::Trace, Stage::List, Stage::Sum].map(text)
     });
@@ -330,8 +299,7 @@ fn programs_where_no_glass_focuses_light_have_no_word_of_it() {
     // Kernels that compute no light are the same as in any scene.
     let variant = Variant::Bodies;
     let of = |focuses, spheres| {
-        let kind =
-            Kind { program: RayProgram::Final, variant, lighting: Lighting::Sun, spheres, focuses, sampled: false };
+        let kind = Kind { spheres, focuses, ..Kind::plain(RayProgram::Final, variant) };
         let text = |stage| source(kind, stage, (Arithmetic::default(), TextureLod::Zero), Split::default());
         [Stage::Eye, Stage::Settle, Stage::Trace, Stage::Sum].map(text)
     };
