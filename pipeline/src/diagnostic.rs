@@ -123,7 +123,7 @@ pub fn valid_names<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) 
     }
 }
 
-/// Warnings of one kind in one file: their number, and the first few places.
+/// Warnings of one kind with one remedy in one file: their number, and the first few places.
 #[derive(Debug, Clone)]
 pub struct WarningGroup {
     /// The file.
@@ -171,15 +171,15 @@ impl Warnings {
     }
 
     fn group(&mut self, file: &Path, what: &'static str, remedy: &'static str) -> &mut WarningGroup {
-        let index =
-            self.groups.iter().position(|group| group.what == what && group.file == file).unwrap_or_else(|| {
-                self.groups.push(WarningGroup { file: file.to_owned(), what, remedy, count: 0, places: Vec::new() });
-                self.groups.len() - 1
-            });
+        let is_same = |group: &WarningGroup| (group.what, group.remedy) == (what, remedy) && group.file == file;
+        let index = self.groups.iter().position(is_same).unwrap_or_else(|| {
+            self.groups.push(WarningGroup { file: file.to_owned(), what, remedy, count: 0, places: Vec::new() });
+            self.groups.len() - 1
+        });
         &mut self.groups[index]
     }
 
-    /// Appends the groups of `other`. Groups of the same kind and file are not merged.
+    /// Appends the groups of `other`. Groups of the same kind, remedy and file are not merged.
     pub fn append(&mut self, mut other: Warnings) {
         self.groups.append(&mut other.groups);
     }
@@ -187,7 +187,10 @@ impl Warnings {
     /// Merges the warnings of a later part of the same work, as if both had been counted together.
     pub(crate) fn merge(&mut self, other: Warnings) {
         for mut later in other.groups {
-            match self.groups.iter_mut().find(|group| group.what == later.what && group.file == later.file) {
+            let is_same = |group: &&mut WarningGroup| {
+                (group.what, group.remedy) == (later.what, later.remedy) && group.file == later.file
+            };
+            match self.groups.iter_mut().find(is_same) {
                 Some(group) => {
                     group.count += later.count;
                     later.places.truncate(WarningGroup::PLACES - group.places.len());

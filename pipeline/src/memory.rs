@@ -102,8 +102,8 @@ pub fn count_outside_by(counter: fn(i64) -> bool) {
     _ = OUTSIDE.set(counter);
 }
 
-/// Counts bytes that the process holds outside of its allocator: added ones, or removed ones if negative. Without [`count_outside_by`]
-/// nothing is counted.
+/// Counts memory that the process holds outside of its allocator. `bytes` are added to the count, or removed from it if negative.
+/// Without [`count_outside_by`] nothing is counted.
 ///
 /// # Errors
 /// If the counter refuses the bytes; they are then not counted.

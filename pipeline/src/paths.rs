@@ -1,7 +1,7 @@
 //! Paths as project and scene files of 2014 write them: with `\`, and with inconsistent case.
 
 use std::borrow::Cow;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
 /// Longest path that is resolved, bytes: no system opens a longer one, and a damaged file may contain one of gigabytes.
@@ -26,7 +26,8 @@ pub fn portable(written: &str) -> PathBuf {
 ///
 /// `\` separates like `/`. If the exact path does not exist, components are compared without case. Among several matches a name in the
 /// written case is preferred, then the first in byte order, so that the result does not depend on the file system. A name on disk that
-/// is not UTF-8 is read as Latin-1, as older systems wrote names. `None` if nothing matches, or `written` is longer than [`MAX_WRITTEN`].
+/// is not UTF-8 is read as Latin-1, as older systems wrote names. Of each folder at most 65,536 entries are compared. `None` if nothing
+/// matches, or `written` is longer than [`MAX_WRITTEN`].
 #[must_use]
 pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     if written.len() > MAX_WRITTEN {
@@ -48,19 +49,24 @@ pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
             continue;
         }
         let name = name.to_str()?;
-        let wanted = name.to_lowercase();
-        let here = if found.as_os_str().is_empty() { Path::new(".") } else { &found };
-        let mut matches: Vec<_> = std::fs::read_dir(here)
-            .ok()?
-            .filter_map(|entry| entry.ok().map(|entry| entry.file_name()))
-            .filter(|entry| spelled(entry).is_some_and(|entry| entry.to_lowercase() == wanted))
-            .collect();
-        matches.sort_by_cached_key(|entry| (spelled(entry).as_deref() != Some(name), entry.clone()));
-        let first = matches.first()?;
-        case_differs |= spelled(first).as_deref() != Some(name);
-        found.push(first);
+        let entry = entry_in_any_case(&found, name)?;
+        case_differs |= spelled(&entry).as_deref() != Some(name);
+        found.push(entry);
     }
     Some(Resolved { path: found, case_differs })
+}
+
+/// The name on disk of the entry of a folder that `name` means, compared as by [`resolve_path`].
+pub(crate) fn entry_in_any_case(folder: &Path, name: &str) -> Option<OsString> {
+    /// Greatest number of entries of a folder that are examined.
+    const MOST: usize = 1 << 16;
+    let wanted = name.to_lowercase();
+    std::fs::read_dir(here(folder))
+        .ok()?
+        .take(MOST)
+        .filter_map(|entry| entry.ok().map(|entry| entry.file_name()))
+        .filter(|entry| spelled(entry).is_some_and(|entry| entry.to_lowercase() == wanted))
+        .min_by_key(|entry| (spelled(entry).as_deref() != Some(name), entry.clone()))
 }
 
 /// A name on disk as text: UTF-8, or else Latin-1 where names are bytes.

@@ -13,15 +13,15 @@
 //!
 //! The flipped digits were chosen among all `N` possibilities by the coverage error of half-planes at all angles and distances.
 //!
-//! With an adaptive number, rays are first traced for four samples of every pixel. These four are the samples nearest to the rotated
-//! grid of a pixel with four samples, in pairs that are exchanged by a rotation by 180 degrees. For the other samples rays are traced
-//! only where the results of the first four differ from each other or from those of neighbours.
+//! With an adaptive number, rays are first traced for four samples of every pixel. Two of them are the samples nearest to the first two
+//! samples of a pixel with four samples. The other two are the images of these two under a rotation by 180 degrees. For the remaining
+//! samples rays are traced only at pixels whose first four results differ from each other or from the results of neighbours.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64. With an adaptive number, rays are traced for only four of the samples where the
-/// results of these four are alike.
+/// Number of samples a pixel: 1, 2, 4, 8, 16, 32 or 64. With an adaptive number, rays are traced for only four of the samples at pixels
+/// where these four have like results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PixelSamples {
     count: u32,
@@ -52,8 +52,8 @@ impl PixelSamples {
     }
 
     /// The adaptive number with this count. Rays are traced for only four samples where the share of a ray pass, its output divided by
-    /// the colour, differs by at most `tolerance`, 0 to 1, within a pixel and between the pixel and its neighbours. `None` for another
-    /// tolerance, or for at most four samples.
+    /// the colour, differs by at most `tolerance`, 0 to 1, within a pixel and between the pixel and its neighbours. `None` if the
+    /// tolerance is out of range, or if there are at most four samples.
     #[must_use]
     pub fn within(self, tolerance: f32) -> Option<Self> {
         let valid = self.count > Self::FIRST && (0.0..=Self::LARGEST_TOLERANCE).contains(&tolerance);

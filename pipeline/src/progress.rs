@@ -6,9 +6,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A request to stop, shared between the renderer and the code that may cancel it: all clones are the same request.
 ///
 /// The request is checked between passes and between parts of a picture. On the processor it is also checked between the tiles of raster
-/// and effect passes, the pixels of ray passes, the rows of quads, and the steps of building a structure. A frame that is given up ends
-/// in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stays set until [`Self::reset`], so that a
-/// request between two frames is not lost.
+/// and effect passes, the pixels of ray passes, the rows of quads, and the steps of building a structure. The `wgpu` rasteriser checks it
+/// between the maps and the bands of rows of an effect. A frame that is given up ends in
+/// [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stays set until [`Self::reset`], so that a request
+/// between two frames is not lost.
 #[derive(Debug, Clone, Default)]
 pub struct Cancellation(Arc<AtomicBool>);
 

@@ -7,8 +7,8 @@ use std::sync::Arc;
 /// Identifies a GPU across interfaces: the UUID that its driver reports.
 pub type DeviceUuid = [u8; 16];
 
-/// A handle to attachments in a rasteriser's memory, for a ray backend that uses the same device through the same interface. Both
-/// know its concrete type.
+/// A handle to attachments in a rasteriser's memory, for a ray backend that uses the same device through the same interface. The
+/// rasteriser and the ray backend know the handle's concrete type.
 pub type InPlace = Arc<dyn Any + Send + Sync>;
 
 /// A handle of the operating system to device memory or a semaphore, which another interface of the same device can open.

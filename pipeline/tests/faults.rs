@@ -282,7 +282,7 @@ fn a_full_disk_leaves_every_file_as_it_was_or_whole() {
     let scenes = Folder::new();
     let png = std::fs::read(scenes.png("x.png", 3, 3, [1, 2, 3, 255])).expect("written");
     let mut scene = load(&[obj(&scenes)], &LoadOptions::default(), &|_| {}).expect("it loads");
-    scene.textures[0] = curitiba_pipeline::scene::TextureSource::Embedded { name: "t".to_owned(), bytes: png };
+    scene.textures[0] = curitiba_pipeline::scene::TextureSource::Embedded { name: "t".to_owned(), bytes: png.into() };
     // More vertices than the writer's buffer holds.
     scene.meshes[0].positions.resize(3000, glam::Vec3::ONE);
     scene.meshes[0].normals.clear();

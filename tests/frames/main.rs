@@ -28,7 +28,11 @@ mod own_shaders;
 mod picture;
 mod plain;
 mod projects;
+#[cfg(feature = "glsl")]
+mod quad_images;
 mod raster_effects;
 mod rasterisers;
 mod stacks;
+#[cfg(feature = "glsl")]
+mod targets;
 mod wgpu_rays;

@@ -19,7 +19,7 @@ pub struct Light {
     pub attenuation: [f32; 3],
     /// Distance at which a light with a position ends; infinite if it has no end.
     pub range: f32,
-    /// The cone of a spot light.
+    /// The cone of a spot light; `None` for other lights.
     pub cone: Option<Cone>,
 }
 

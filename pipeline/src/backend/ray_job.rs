@@ -94,8 +94,9 @@ impl RayJob<'_> {
 pub struct IntersectionJob<'a> {
     /// The scene, for which a structure was built.
     pub scene: &'a RenderScene,
-    /// By ray: the origin in the world with the least distance, and the direction with the greatest distance. Distances are multiples of
-    /// the direction's length, which is not 0. A ray with a number that is not finite (except for the greatest distance) hits nothing.
+    /// Two vectors for each ray: its origin in the world and, as fourth component, the least distance; its direction and, as fourth
+    /// component, the greatest distance. Distances are multiples of the direction's length, which is not 0. A ray with a number that is
+    /// not finite (except for the greatest distance) hits nothing.
     pub rays: &'a [[[f32; 4]; 2]],
     /// Which hit of a ray is returned.
     pub query: Query,

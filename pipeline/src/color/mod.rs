@@ -89,6 +89,8 @@ impl Tone {
             Self::None => color,
             Self::Reinhard => {
                 let luminance = color.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(0.0);
+                // An infinite one would make the second fraction NaN.
+                let luminance = if luminance.is_finite() { luminance } else { f32::MAX };
                 // `(1 + Y / W²) / (1 + Y)`, split into two fractions so that no luminance overflows.
                 let scale = 1.0 / (1.0 + luminance) + luminance / (1.0 + luminance) / (Self::WHITE * Self::WHITE);
                 color * scale
@@ -204,6 +206,13 @@ mod tests {
         }
         assert!((grey(4.0) - 1.0).abs() < 1e-6, "the white point");
         assert!(grey(f32::MAX).is_finite() && grey(f32::MAX) > 1.0);
+        // What is infinite is white, as without a curve. Channels that are finite beside it are those at the greatest luminance.
+        let display = Display { tone: Tone::Reinhard, ..Display::of(ColorSpace::Linear) };
+        for pixel in [[f32::INFINITY, f32::INFINITY, f32::INFINITY, 1.0], [f32::INFINITY, 16.0, f32::MAX, 1.0]] {
+            assert_eq!((display.displayed(pixel), display.stored(pixel)), ([1.0; 4], [1.0; 4]), "{pixel:?}");
+        }
+        assert_eq!(grey(f32::INFINITY), f32::INFINITY);
+        assert_eq!(display.displayed([f32::NAN, 1.0, 0.0, 1.0]), [0.0, 1.0, 0.0, 1.0], "NaN stays black");
         // The curve keeps the hue: the ratios of the channels.
         let color = Tone::Reinhard.apply(Vec3::new(3.0, 1.5, 0.75));
         assert!((color.x / color.y - 2.0).abs() < 1e-6 && (color.y / color.z - 2.0).abs() < 1e-6);

@@ -60,12 +60,11 @@ impl AccumulatedPass {
         Image { width, height, pixels: self.estimate.standard_error(self.exponent) }
     }
 
-    /// The root mean square of [`Self::standard_error`] over all pixels and their red, green and blue; NaN before the second batch.
+    /// The root mean square of [`Self::standard_error`] over all pixels and their red, green and blue, without values that are not finite;
+    /// NaN before the second batch, and if no value is finite.
     #[must_use]
     pub fn error(&self) -> f64 {
-        let errors = self.estimate.standard_error(self.exponent);
-        let squares = errors.iter().flat_map(|pixel| &pixel[..3]).map(|error| f64::from(*error).powi(2));
-        (squares.sum::<f64>() / (3 * errors.len()).max(1) as f64).sqrt()
+        self.estimate.error(self.exponent)
     }
 }
 
@@ -90,10 +89,11 @@ impl Accumulation {
         self.passes.first().map_or(0, |pass| pass.estimate.samples())
     }
 
-    /// The largest error of the passes ([`AccumulatedPass::error`]); 0 without passes, NaN before the second batch.
+    /// The largest error of the passes ([`AccumulatedPass::error`]) that is a number; 0 without passes, NaN before the second batch.
     #[must_use]
     pub fn error(&self) -> f64 {
-        self.passes.iter().map(AccumulatedPass::error).fold(0.0, |a, b| if a.is_nan() || a > b { a } else { b })
+        let none = if self.passes.is_empty() { 0.0 } else { f64::NAN };
+        self.passes.iter().map(AccumulatedPass::error).fold(none, f64::max)
     }
 
     /// Takes one more batch of `samples` samples a point in every accumulated pass.

@@ -236,8 +236,8 @@ impl Renderer {
         }
     }
 
-    /// Reads the project at once and its scenes again with the next frame; settings and edits are kept. If the scenes cannot be
-    /// read then, that frame fails, and later frames show the previous scenes.
+    /// Reads the project at once, and its scenes and the images of its shaders again with the next frame; settings and edits are kept. If
+    /// the scenes cannot be read then, that frame fails, and later frames show the previous scenes.
     ///
     /// # Errors
     /// If the project cannot be read, or lacks something that was set.
@@ -349,13 +349,17 @@ impl Renderer {
             self.ran = vec![None; passes];
         }
         self.part = 0;
+        if !keeps {
+            self.quad_images.clear();
+        }
+        // A target that the plan before lacked has a new buffer, which takes the place of an empty one.
+        self.targets.resize_with(self.plan.targets.len(), GBuffer::default);
         for (target, buffer) in targets.into_iter().enumerate() {
             if let Some(buffer) = buffer {
                 self.targets[target] = buffer;
                 self.forget_writers(Some(target));
             }
         }
-        self.targets.truncate(self.plan.targets.len());
         if let Some(window) = window {
             self.window = window;
             self.forget_writers(None);

@@ -25,7 +25,7 @@ pub(super) struct Given {
     quad: Vec<Vec<u8>>,
     /// Formats of the target's channels, to which the result is rounded.
     formats: Vec<PixelFormat>,
-    /// Attachments that a raster pass draws, and those of these attachments that are in host memory.
+    /// For a raster pass: first the attachments that it draws, second the ones among them that are in host memory.
     drawn: [Attachments; 2],
     /// Whether the picture exists only on the rasteriser's device.
     stays: bool,

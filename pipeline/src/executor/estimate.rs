@@ -98,6 +98,16 @@ impl Estimate {
         let slope = |mean: f64| if power != 1.0 && mean > 0.0 { power * mean.powf(power - 1.0) } else { 1.0 };
         self.each(|mean, error| std::array::from_fn(|i| (error[i] * if i < 3 { slope(mean[i]) } else { 1.0 }) as f32))
     }
+
+    /// The root mean square of [`Self::standard_error`] over the red, green and blue of all pixels. Values that are not finite are left
+    /// out, because no further sample makes them finite. NaN without a finite value, as before the second batch.
+    pub(super) fn error(&self, exponent: f32) -> f64 {
+        let errors = self.standard_error(exponent);
+        let finite = errors.iter().flat_map(|pixel| &pixel[..3]).filter(|error| error.is_finite());
+        let (sum, count) =
+            finite.fold((0.0, 0_u64), |(sum, count), error| (sum + f64::from(*error).powi(2), count + 1));
+        (sum / count as f64).sqrt()
+    }
 }
 
 #[cfg(test)]
@@ -139,5 +149,18 @@ mod tests {
         assert_eq!(estimate.mean(1.0), [[1.0, 3.0, 3.0, 0.5]]);
         // Two values 2 and 4: the standard error of their mean is sqrt(2 / 2) = 1.
         assert_eq!(estimate.standard_error(1.0), [[0.0, 1.0, 0.0, 0.0]]);
+    }
+
+    #[test]
+    fn a_pixel_that_is_not_finite_does_not_hide_the_error_of_the_others() {
+        let mut estimate = Estimate::new(3, 1, 1).expect("little memory");
+        let batch = |values: [f32; 3]| values.map(|value| [value, value, value, 1.0]);
+        estimate.add(&batch([2.0, f32::NAN, 1.0]), 16);
+        assert!(estimate.error(1.0).is_nan(), "one batch has no error");
+        estimate.add(&batch([4.0, 0.5, f32::INFINITY]), 16);
+        assert_eq!(estimate.error(1.0), 1.0);
+        let mut nowhere = Estimate::new(1, 1, 1).expect("little memory");
+        (0..2).for_each(|_| nowhere.add(&[[f32::NAN; 4]], 16));
+        assert!(nowhere.error(1.0).is_nan());
     }
 }

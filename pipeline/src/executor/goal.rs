@@ -23,7 +23,7 @@ pub enum Goal {
     /// After the first batch that ends later than this, but not before the second batch.
     Time(Duration),
     /// When the root mean square of the pixels' standard errors is at most this in every pass, but not before the fourth batch; or after
-    /// [`MAX_SAMPLES`].
+    /// [`MAX_SAMPLES`]. Values that are not finite are left out. Without a finite value the fourth batch is the last.
     Error(f64),
 }
 
@@ -75,7 +75,8 @@ impl Batch {
             return None;
         }
         match goal {
-            // Powers of two, at most 64, so that each batch is well distributed by itself; at least sixteen batches, to estimate the scatter.
+            // Powers of two, at most 64, so that each batch is well distributed by itself. From 16 samples on there are at least sixteen
+            // batches, to estimate the scatter.
             Goal::Samples(wanted) if done < wanted => {
                 let samples = (1 << (wanted / 16).max(1).ilog2().min(6)).min(wanted - done);
                 Some(Self { samples, shares: [done, done + samples].map(|n| f64::from(n) / f64::from(wanted)) })
@@ -115,7 +116,7 @@ pub(super) struct WholeGoal<'o> {
 }
 
 impl<'o> WholeGoal<'o> {
-    /// `progress` is that of the step with which the observer was notified.
+    /// `progress` is the one that the observer got when the step began.
     pub fn new(observer: &'o mut dyn Observer, progress: Arc<Progress>) -> Self {
         progress.start(PARTS);
         Self { observer, progress, shares: [0.0; 2], passes: 1, ran: 0 }

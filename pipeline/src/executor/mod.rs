@@ -165,7 +165,8 @@ pub struct Renderer {
     plan: Plan,
     engines: Engines,
     scenes: Vec<LoadedScenes>,
-    /// Image files that own shaders of quads read.
+    /// Image files that own shaders of quad and compute passes read. A pass loads those that are missing. All are dropped when scenes are
+    /// read again.
     quad_images: Vec<(PathBuf, Texture)>,
     /// The materials as each planned pass sees them.
     materials: Vec<PassMaterials>,
@@ -181,7 +182,7 @@ pub struct Renderer {
     built_filtered: Vec<bool>,
     /// The target whose G-buffer the rasteriser and the ray backend share.
     joined: Option<usize>,
-    /// Whether that G-buffer is the rasteriser's own attachments, lent to the ray backend, instead of shared memory.
+    /// Whether the G-buffer of [`Self::joined`] is the rasteriser's own attachments, lent to the ray backend, instead of shared memory.
     lent: bool,
     /// Whether the shared memory has room for the picture of a ray pass, which the showing quad reads.
     shares_picture: bool,
@@ -189,7 +190,7 @@ pub struct Renderer {
     handed_over: u64,
     /// The quad that the rasteriser's device may fill.
     showing: Option<ShowingQuad>,
-    /// Number of the rasteriser's last draw for that quad, as in [`HandOver::value`](crate::backend::HandOver::value).
+    /// Number of the rasteriser's last draw for the quad [`Self::showing`], as in [`HandOver::value`](crate::backend::HandOver::value).
     drawn_value: u64,
     /// What the caller takes of the current frame.
     takes: Takes,

@@ -44,6 +44,11 @@ fn image_of<'a>(images: &'a [(PathBuf, Texture)], path: &Path) -> Option<&'a Tex
     images.iter().find(|(file, _)| file == path).map(|(_, image)| image)
 }
 
+/// Bytes of the texels of an image, of all its mip levels.
+fn bytes_of(image: &Texture) -> u64 {
+    image.levels.iter().map(|level| 4 * level.texels.len() as u64).sum()
+}
+
 /// The textures that a scene set's passes map to materials, each with the pattern of the materials' names.
 pub(super) fn mapped_textures(plan: &Plan, set: usize) -> impl Iterator<Item = (&MaterialPattern, TextureSource)> {
     let of_set = move |planned: &&PlannedPass| match planned.work {
@@ -94,7 +99,7 @@ impl Renderer {
                         continue;
                     }
                     let image = image_file(path, left).map_err(failed)?;
-                    left = left.saturating_sub(image.levels.iter().map(|level| 4 * level.texels.len() as u64).sum());
+                    left = left.saturating_sub(bytes_of(&image));
                     images.push((path.clone(), scene.textures.len() as u32));
                     Arc::make_mut(scene).textures.push(image);
                 }
@@ -146,8 +151,9 @@ impl Renderer {
             |error: SceneError| BackendError::Device { backend, message: format!("{}: {error}", shader.place) };
         for path in shader.textures.iter().flat_map(ShaderTexture::files) {
             if !self.quad_images.iter().any(|(loaded, _)| loaded == path) {
-                let most = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
-                let image = image_file(path, most).map_err(failed)?;
+                let held: u64 = self.quad_images.iter().map(|(_, image)| bytes_of(image)).sum();
+                let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes() + held);
+                let image = image_file(path, left).map_err(failed)?;
                 self.quad_images.push((path.clone(), image));
             }
         }

@@ -1,7 +1,7 @@
 //! Faults on demand, for tests: a disk that is full from the n-th write on, a reader that fails or ends early at the n-th
 //! call. Nothing in the program arms them.
 //!
-//! A plan concerns only the files below one folder, so tests that run at the same time do not meet each other's faults.
+//! An armed fault concerns only the files below one folder, so tests that run at the same time do not meet each other's faults.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -6,9 +6,9 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Place of a file that a killed run leaves unfinished and a later run continues. Until it is complete its bytes are in a file
-/// beside it, with `.part` after its name; a journal with `.part.journal` after its name says how far the run came. Neither may
-/// be a symbolic link.
+/// The paths of an output file that a killed run leaves unfinished and a later run continues. Until the output is complete, its
+/// bytes are in a file beside it, whose name has `.part` appended. A journal, whose name has `.part.journal` appended, says how far
+/// the run came. Neither of these two files may be a symbolic link.
 ///
 /// As with [`Replacement`](super::Replacement), the new file takes the mode of the file that it replaces, and a symbolic link stays
 /// while its target is replaced: `.part` and the journal then lie beside the target.

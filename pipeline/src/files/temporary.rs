@@ -14,9 +14,9 @@ use tempfile::{NamedTempFile, TempDir};
 
 /// Start of the name of a temporary file or folder.
 const PREFIX: &str = ".curitiba-";
-/// End of the name.
+/// End of the name of a temporary file or folder.
 const SUFFIX: &str = ".part";
-/// Number of random letters and digits between the two.
+/// Number of random letters and digits between [`PREFIX`] and [`SUFFIX`].
 const RANDOM: usize = 8;
 /// Greatest number of entries of a folder that are searched for leftovers of killed programs.
 const MOST_ENTRIES: usize = 100_000;
@@ -157,7 +157,7 @@ impl TemporaryFolder {
     /// the two exists at `to` at every moment. Elsewhere the old folder is renamed first, and put back if the second step fails.
     ///
     /// # Errors
-    /// Whatever the file system reports. The old folder is then still there, unless the new one is in its place and a later step failed.
+    /// Whatever the file system reports. The old folder is then still at `to`, unless the new one had already taken its place.
     pub fn rename(mut self, to: &Path) -> io::Result<()> {
         let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let to = match to.file_name() {

@@ -2,7 +2,7 @@
 
 use crate::scene::Geometry;
 use glam::{DVec3, Vec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// An edge: the indices of two welded positions, the lower index first.
 type Edge = [u32; 2];
@@ -28,7 +28,8 @@ pub enum Closedness {
 /// Examines the given triangles. Corners with bitwise equal positions count as one (0 and -0 are equal too), so vertices that are
 /// duplicated for their normals do not open a surface.
 ///
-/// Takes linear time: it fills a hash table of all edges.
+/// Takes linear time if no part faces inwards: it fills a hash table of all edges. If some parts do, all parts are sorted along an axis and
+/// compared with those that overlap them on it.
 #[must_use]
 pub fn closedness(geometry: &Geometry, triangles: &[u32]) -> Closedness {
     let (corners, points) = weld(geometry, triangles);
@@ -101,6 +102,8 @@ fn parts(corners: &[[u32; 3]], points: usize) -> Vec<u32> {
 /// A connected part of a surface.
 #[derive(Clone, Copy)]
 struct Part {
+    /// One of the part's points, which identifies it.
+    name: u32,
     /// Six times the enclosed volume; negative if the part faces inwards.
     volume: f64,
     low: Vec3,
@@ -121,21 +124,43 @@ fn inside_out(triangles: &[u32], corners: &[[u32; 3]], points: &[Vec3], of: &[u3
     let center = points.first().map_or(DVec3::ZERO, |point| point.as_dvec3());
     for (corners, part) in corners.iter().zip(of) {
         let [a, b, c] = corners.map(|point| points[point as usize]);
-        let part = found.entry(*part).or_insert(Part { volume: 0.0, low: a, high: a });
+        let part = found.entry(*part).or_insert(Part { name: *part, volume: 0.0, low: a, high: a });
         let [x, y, z] = [a, b, c].map(|point| point.as_dvec3() - center);
         part.volume += x.dot(y.cross(z));
         part.low = part.low.min(a).min(b).min(c);
         part.high = part.high.max(a).max(b).max(c);
     }
-    let negative: Vec<(u32, Part)> =
-        found.iter().filter(|(_, part)| part.volume < 0.0).map(|(name, part)| (*name, *part)).collect();
-    let outermost: Vec<Part> = negative
-        .iter()
-        .filter(|(name, part)| !found.iter().any(|(other, around)| other != name && part.is_within(around)))
-        .map(|(_, part)| *part)
-        .collect();
-    let turned = |name: &u32| found.get(name).is_some_and(|part| outermost.iter().any(|around| part.is_within(around)));
-    triangles.iter().zip(of).filter(|(_, part)| turned(part)).map(|(triangle, _)| *triangle).collect()
+    let mut found: Vec<Part> = found.into_values().collect();
+    if !found.iter().any(|part| part.volume < 0.0) {
+        return Vec::new();
+    }
+    let low = found.iter().fold(Vec3::INFINITY, |low, part| low.min(part.low));
+    let high = found.iter().fold(Vec3::NEG_INFINITY, |high, part| high.max(part.high));
+    let axis = (high - low).max_position();
+    found.sort_unstable_by(|a, b| a.low[axis].total_cmp(&b.low[axis]));
+    let inwards: Vec<Part> = found.iter().filter(|part| part.volume < 0.0).copied().collect();
+    let within = are_within(&inwards, &found, axis);
+    let outermost: Vec<Part> =
+        inwards.into_iter().zip(within).filter(|(_, within)| !within).map(|(part, _)| part).collect();
+    let within = are_within(&found, &outermost, axis);
+    let inner = found.iter().zip(within).filter(|(_, within)| *within).map(|(part, _)| part.name);
+    let turned: HashSet<u32> = outermost.iter().map(|part| part.name).chain(inner).collect();
+    triangles.iter().zip(of).filter(|(_, part)| turned.contains(*part)).map(|(triangle, _)| *triangle).collect()
+}
+
+/// For each part: whether it lies inside another one of `others`. Both lists are sorted by their low ends on the axis, so that each part is
+/// compared only with those that have begun on the axis where it begins, and have not ended.
+fn are_within(parts: &[Part], others: &[Part], axis: usize) -> Vec<bool> {
+    let mut waiting = others.iter().peekable();
+    let mut begun: Vec<&Part> = Vec::new();
+    let is_within = |part: &Part| {
+        while let Some(other) = waiting.next_if(|other| other.low[axis] <= part.low[axis]) {
+            begun.push(other);
+        }
+        begun.retain(|other| other.high[axis] >= part.low[axis]);
+        begun.iter().any(|other| other.name != part.name && part.is_within(other))
+    };
+    parts.iter().map(is_within).collect()
 }
 
 #[cfg(test)]
@@ -213,6 +238,42 @@ mod tests {
             panic!("closed")
         };
         assert_eq!(inside_out, (0..24).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn parts_in_others_are_found_as_by_comparing_all() {
+        // Boxes whose corners have few values, so that many begin and end alike.
+        let mut state = 1_u32;
+        let mut digit = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((state >> 24) % 5) as f32
+        };
+        let mut point = || Vec3::new(digit(), digit(), digit());
+        let part = |name| {
+            let (one, two) = (point(), point());
+            Part { name, volume: 1.0, low: one.min(two), high: one.max(two) }
+        };
+        let mut parts: Vec<Part> = (0..200).map(part).collect();
+        for axis in 0..3 {
+            parts.sort_unstable_by(|a, b| a.low[axis].total_cmp(&b.low[axis]));
+            let others: Vec<Part> = parts.iter().step_by(3).copied().collect();
+            let is_in_any = |part: &Part| others.iter().any(|other| other.name != part.name && part.is_within(other));
+            let expected: Vec<bool> = parts.iter().map(is_in_any).collect();
+            assert!(expected.contains(&true) && expected.contains(&false), "control");
+            assert_eq!(are_within(&parts, &others, axis), expected);
+        }
+    }
+
+    #[test]
+    fn beads_in_a_row_are_turned_with_their_bubbles() {
+        const BEADS: u32 = 5000;
+        let bead = |number: u32| {
+            let low = 4.0 * number as f32;
+            [(low, low + 3.0, true), (low + 1.0, low + 2.0, false)]
+        };
+        let list: Vec<_> = (0..BEADS).flat_map(bead).chain([(-5.0, -1.0, false)]).collect();
+        let Closedness::Closed { inside_out } = look(&boxes(&list)) else { panic!("closed") };
+        assert_eq!(inside_out, (0..24 * BEADS).collect::<Vec<_>>());
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::diagnostic::Decision;
 use crate::diagnostic::Warnings;
 use crate::scene::{Geometry, Material, RenderScene};
 use glam::Vec3;
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -22,8 +23,8 @@ pub struct Decided {
     pub warnings: Warnings,
 }
 
-/// Decides which glass every material of a scene is. Bodies that face inwards are flipped in the scene, so that the geometric normal of every
-/// triangle of a solid points out of it. Warnings name `file`.
+/// Decides for every material of a scene whether it is glass, and of which shape. Bodies that face inwards are flipped in the scene, so
+/// that the geometric normal of every triangle of a solid points out of it. Warnings name `file`.
 ///
 /// | material | is |
 /// |---|---|
@@ -38,13 +39,11 @@ pub struct Decided {
 #[must_use]
 pub fn decide(scene: &mut Arc<RenderScene>, file: &Path) -> Decided {
     let mut decided = Decided::default();
+    let mut transparent = transparent_surfaces(scene);
     for index in 0..scene.materials.len() {
         let material = &scene.materials[index];
-        let triangles = triangles_of(&scene.geometry, index as u32);
-        let spheres = scene.geometry.spheres.iter().filter(|sphere| sphere.material as usize == index).count();
-        let transparent = material.transmission >= TRANSPARENT && !(triangles.is_empty() && spheres == 0);
         let mut dielectric = Dielectric { shape: Shape::Opaque, ..properties(material) };
-        if transparent {
+        if let Some((triangles, spheres)) = transparent.remove(&(index as u32)) {
             let surfaces = (&triangles[..], spheres);
             let (shape, why) = shape(material, &scene.geometry, surfaces, file, &mut decided.warnings);
             dielectric.shape = shape.0;
@@ -64,10 +63,19 @@ pub fn decide(scene: &mut Arc<RenderScene>, file: &Path) -> Decided {
     decided
 }
 
-/// The ids of a material's triangles.
-fn triangles_of(geometry: &Geometry, material: u32) -> Vec<u32> {
-    let batches = geometry.batches.iter().filter(|batch| batch.material == material);
-    batches.flat_map(|batch| batch.first..batch.first + batch.count).collect()
+/// By material that lets light through and has triangles or exact spheres: the ids of the triangles, and the number of the spheres.
+fn transparent_surfaces(scene: &RenderScene) -> HashMap<u32, (Vec<u32>, usize)> {
+    let is_transparent = |material: u32| {
+        scene.materials.get(material as usize).is_some_and(|material| material.transmission >= TRANSPARENT)
+    };
+    let mut surfaces = HashMap::<u32, (Vec<u32>, usize)>::new();
+    for batch in scene.geometry.batches.iter().filter(|batch| batch.count > 0 && is_transparent(batch.material)) {
+        surfaces.entry(batch.material).or_default().0.extend(batch.first..batch.first + batch.count);
+    }
+    for sphere in scene.geometry.spheres.iter().filter(|sphere| is_transparent(sphere.material)) {
+        surfaces.entry(sphere.material).or_default().1 += 1;
+    }
+    surfaces
 }
 
 /// All properties but the shape.
@@ -220,6 +228,20 @@ mod tests {
         assert!(decided.decisions[1].why.contains("not closed: 3 open edges, the first at ("));
         let warning = decided.warnings.groups()[0].to_string();
         assert!(warning.contains("rendered thin") && warning.contains("3 open edges"), "{warning}");
+    }
+
+    #[test]
+    fn a_material_has_the_triangles_of_all_its_batches() {
+        let mut scene = scene(vec![glass(true), glass(true)], &[true, true]);
+        let batches = &mut Arc::make_mut(&mut scene).geometry.batches;
+        // The batches of the two materials take turns.
+        *batches = [(0, 0, 2), (1, 4, 1), (0, 2, 2), (1, 5, 3), (1, 8, 0)]
+            .map(|(material, first, count)| Batch { material, first, count })
+            .to_vec();
+        let decided = decide(&mut scene, Path::new("a"));
+        assert!(decided.warnings.is_empty(), "{:?}", decided.warnings);
+        let told = |index: usize| decided.decisions[index].why.contains("its 4 triangles are closed");
+        assert!(decided.decisions.len() == 2 && told(0) && told(1), "{:?}", decided.decisions);
     }
 
     #[test]

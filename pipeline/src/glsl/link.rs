@@ -118,12 +118,13 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
         let _ = writeln!(head, "layout(location = {location}) out vec4 {OURS}o{location};");
         let _ = writeln!(after, "{OURS}o{location} = vec4(vec3(clamp({OURS}FragDepth, 0.0, 1.0)), 1.0);");
     }
+    // The file does not declare this result itself, and writes it even if it is dropped.
+    for output in fragment.outputs.iter().filter(|output| output.key == "gl_FragColor") {
+        let _ = writeln!(head, "vec4 {};", output.global);
+    }
     for (location, output) in &results {
         outputs[*location] = true;
         let _ = writeln!(head, "layout(location = {location}) out vec4 {OURS}o{location};");
-        if output.key == "gl_FragColor" {
-            let _ = writeln!(head, "vec4 {};", output.global);
-        }
         let whole = match output.kind.as_str() {
             "float" => format!("vec4({}, 0.0, 0.0, 1.0)", output.global),
             "vec2" => format!("vec4({}, 0.0, 1.0)", output.global),
@@ -232,8 +233,8 @@ fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
     found
 }
 
-/// The functions that compare a depth with those of a sampler's texture, filtered as in OpenGL: each of the four texels around the point
-/// counts as 1 if the compared depth is at most the texel's, otherwise 0, and the four are weighted bilinearly.
+/// The functions that compare a depth with the depths in a sampler's texture, filtered as in OpenGL: each of the four texels around the
+/// point counts as 1 if the compared depth is at most the texel's, otherwise 0, and the four are weighted bilinearly.
 fn compare(sampler: &Sampler) -> String {
     let (name, projected) = (compare_name(&sampler.name), compare_projected_name(&sampler.name));
     let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));

@@ -336,7 +336,8 @@ pub struct Program {
     pub flat: bool,
     /// Buffers that the fragment or compute shader reads and stores to.
     pub storage: Vec<StorageBuffer>,
-    /// Where the fragment shader declares `early_fragment_tests`, so that hidden pixels store nothing: bytes of its file.
+    /// Place of `early_fragment_tests` in the fragment shader's file, in bytes; `None` if it is not declared. If it is declared, hidden
+    /// pixels store nothing.
     pub early: Option<[usize; 2]>,
     /// Uniform arrays that keep their initial values.
     pub fixed: Vec<Fixed>,

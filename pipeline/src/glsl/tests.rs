@@ -202,6 +202,9 @@ fn the_depth_is_written_behind_the_colours() {
     let outputs = |fragment, depth| Source { vertex: VERTEX, fragment, depth }.compile().map(|program| program.outputs);
     assert_eq!(outputs(depth_only, Some(0)), Ok([true, false, false]));
     assert_eq!(outputs("void main() {}", Some(0)), Ok([true, false, false]));
+    let old = "#version 120\nvoid main() { gl_FragColor = vec4(1.0); }\n";
+    assert_eq!(outputs(old, Some(0)), Ok([true, false, false]), "the depth alone");
+    assert_eq!(outputs(old, Some(1)), Ok([true, true, false]));
     assert_eq!(outputs("void main() {}", None), Ok([false; 3]));
     assert_eq!(outputs(two, Some(1)), Ok([true, true, false]));
     assert_eq!(outputs(two, None), Ok([true, false, true]));

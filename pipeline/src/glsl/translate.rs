@@ -260,7 +260,7 @@ fn at(stage: Stage, text: &Text, span: Span, message: String) -> Fault {
         }
         None => (0, 0),
     };
-    // Messages here are no sentences, so a full stop of the compiler's is removed.
+    // Messages here are no sentences, so the full stop at the end of the compiler's message is removed.
     let message = message.replace("curitiba_main", "main");
     let message = message.trim_end_matches('.');
     Fault {

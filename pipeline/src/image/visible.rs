@@ -54,8 +54,8 @@ impl Visible {
 
 /// Greatest number of pixels that [`position_box`] looks at.
 const LOOKED_AT: usize = 1 << 16;
-/// Share of the near pixels that lie below the low end of the box, and share that lies above the high end. Otherwise a single point could
-/// compress all others into one colour.
+/// Share of the near pixels that lie below the low end of the box, and share that lies above the high end. Without this margin a single
+/// point could compress all others into one colour.
 const BEYOND: f32 = 0.02;
 /// A position is near if its distance from the middle is at most this many times the median distance. Without this limit sky and
 /// mountains, which may cover a third of the pixels, would leave only black for the objects in front of them.
@@ -92,7 +92,7 @@ fn ranked(values: &mut [f32], rank: usize) -> f32 {
     *values.select_nth_unstable_by(rank, f32::total_cmp).1
 }
 
-/// A sentence that says which positions the colours stand for; `None` unless these are [`Content::Position`] and a pixel is covered.
+/// A sentence that says which positions the colours stand for; `None` unless `content` is [`Content::Position`] and a pixel is covered.
 #[must_use]
 pub fn legend(pixels: &[[f32; 4]], content: Content) -> Option<String> {
     let ends = position_box(pixels).filter(|_| content == Content::Position)?;

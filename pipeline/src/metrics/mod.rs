@@ -207,8 +207,8 @@ pub enum MetricError {
 /// Computes every metric.
 ///
 /// # Errors
-/// If the sizes differ, there is no pixel to compare, a value is not finite (masked or not: SSIM and FLIP look at
-/// neighbours), or an option is out of range.
+/// If the sizes differ, there are too few pixels to compare, a value is not finite (masked or not: SSIM and FLIP look at
+/// neighbours), an option is out of range, or the display values do not fit into memory.
 pub fn compare(test: &Image, reference: &Image, options: &Options<'_>) -> Result<Comparison, MetricError> {
     Ok(compare_with_map(test, reference, options)?.0)
 }

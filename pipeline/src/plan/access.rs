@@ -102,6 +102,38 @@ impl Plan {
         Access { reads, writes }
     }
 
+    /// Fails if a ray or effect pass, switched off or not, reads a channel of another size than its target has. A project declares both in
+    /// one size, but textures of random numbers do not scale with the window.
+    pub(super) fn check_sizes_read(&self) -> Result<(), PlanError> {
+        for planned in &self.passes {
+            if !matches!(planned.work, Work::Rays { .. } | Work::Effect { .. } | Work::Off { .. }) {
+                continue;
+            }
+            let pass = self.pass(planned);
+            let own = self.target_size(pass.target);
+            let reads = self.access(planned).reads;
+            let Some((Some(target), channel)) = reads.iter().find(|(target, _)| self.target_size(*target) != own)
+            else {
+                continue;
+            };
+            let ([width, height], [own_width, own_height]) = (self.target_size(Some(*target)), own);
+            let [window_width, window_height] = self.project.window;
+            let target = &self.project.targets[*target];
+            let name = target.channels.get(*channel).map_or("the triangle ids", |channel| &channel.name);
+            return Err(PlanError::new(
+                format!(
+                    "{}: pass `{}` reads `{}::{name}` of {width} x {height} and writes a target of {own_width} x {own_height}",
+                    pass.place, pass.name, target.library
+                ),
+                format!(
+                    "`{name}` does not scale with the window: take the project's own --size {window_width}x{window_height}, or let the pass \
+                     read the channel of a render target"
+                ),
+            ));
+        }
+        Ok(())
+    }
+
     /// Fails if a pass reads a slot that no pass writes because the writer is switched off.
     pub(super) fn check_switched_off(&self) -> Result<(), PlanError> {
         let mut written: Vec<Slot> = Vec::new();

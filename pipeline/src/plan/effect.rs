@@ -124,16 +124,18 @@ impl Plan {
         }
     }
 
-    /// Whether the channels that a pass reads are exactly as the raster pass `source` drew them: as floats, and with nothing drawn
-    /// or written since.
+    /// Whether the channels that a pass reads are exactly as the raster pass `source` drew them: as floats, and with nothing drawn,
+    /// written or stored since.
     fn is_resident(&self, passes: &[Pass], index: usize, channels: &[ChannelRef], source: usize) -> bool {
         // If raster passes are switched off, it is unclear which one drew last.
         if passes.iter().any(|pass| matches!(pass.kind, PassKind::Raster(_)) && self.is_off(pass)) {
             return false;
         }
         let (between, source) = (&passes[source + 1..index], &passes[source]);
-        let undisturbed =
-            between.iter().all(|pass| !matches!(pass.kind, PassKind::Raster(_)) && pass.target != source.target);
+        let undisturbed = between.iter().all(|pass| {
+            let stores = pass.kind.buffers_stored().any(|channel| Some(channel.target) == source.target);
+            !matches!(pass.kind, PassKind::Raster(_)) && pass.target != source.target && !stores
+        });
         undisturbed
             && channels.iter().all(|channel| {
                 let format = self.project.targets[channel.target].channels[channel.channel].format;

@@ -57,8 +57,8 @@ pub struct Plan {
     pub window: [u32; 2],
     /// The part of the window that is written, and its division for rendering.
     pub parts: Parts,
-    /// Side of the blocks in which a target that exceeds the rasteriser's limits is drawn, one block after the other; `None` if
-    /// no target exceeds them.
+    /// Side in pixels of the blocks in which a target that exceeds the rasteriser's limits is drawn, one block after the other; `None`
+    /// if no target exceeds the limits.
     pub block: Option<u32>,
     /// The user's settings.
     pub settings: Settings,
@@ -228,6 +228,7 @@ impl Plan {
             declared,
         };
         plan.choose_passes(camera, &constants)?;
+        plan.check_sizes_read()?;
         if !plan.settings.off.is_empty() {
             plan.check_switched_off()?;
         }

@@ -77,9 +77,9 @@ impl Plan {
                     .to_owned(),
             );
         }
-        for (planned, params) in self.skipping() {
+        for (planned, _) in self.skipping() {
             let pass = self.pass(planned);
-            if params.filter > 0 {
+            if self.filter_levels(planned) > 0 {
                 return refused(format!(
                     "{}: pass `{}` filters what it traced for a pixel's neighbours",
                     pass.place, pass.name

@@ -50,8 +50,8 @@ pub struct RayParams {
     pub filter: u32,
     /// At which mip level textures are read at hits; in thesis fidelity always at level 0.
     pub texture_lod: TextureLod,
-    /// Position in the sample sequence of the first of the [`Self::samples`]. It is 0, except for accumulated pictures and for all
-    /// but the first of several samples a pixel. Projects cannot set it.
+    /// Position in the sample sequence of the first of the [`Self::samples`]. It is above 0 only in accumulated pictures, and from the
+    /// second of several samples a pixel on. Projects cannot set it.
     pub first: u32,
     /// Position in the sequence of the first of the [`Self::paths`].
     pub first_path: u32,
@@ -130,7 +130,7 @@ pub struct ParamInfo {
     pub about: &'static str,
     /// Description of the valid values.
     pub valid: &'static str,
-    /// The valid values, for programs that offer them.
+    /// The valid values, for user interfaces that offer a choice.
     pub values: Values,
 }
 

@@ -39,7 +39,7 @@ pub struct ProcInfo {
     pub ray: &'static str,
     /// Name of the device program.
     pub proc: &'static str,
-    /// Whether the default material of the project must name it; otherwise single materials may.
+    /// Whether the default material of a pass must name it; otherwise single materials may.
     pub required: bool,
 }
 
@@ -108,8 +108,8 @@ const fn optional(kind: &'static str, ray: &'static str, proc: &'static str) -> 
     ProcInfo { kind, ray, proc, required: false }
 }
 
-/// Device programs that every program file contains, by the type under which projects name them, whether they are called or not.
-/// Ray tracers have their own triangle intersection (`Geometry_Intersection` and `Bounding_Box`), which these names stand for.
+/// The device programs that every program file contains, by the type under which projects name them. Not all of them are called: ray
+/// tracers intersect triangles themselves, so the names of `Geometry_Intersection` and `Bounding_Box` are accepted and nothing more.
 pub const PROCS: &[(&str, &[&str])] = &[
     ("RayGen", &["buffer_camera"]),
     ("Exception", &["exception"]),

@@ -45,7 +45,8 @@ impl Loader {
         for item in lists.flat_map(|list| list.children_named(&["attribute"])) {
             let of_pass = Self::declared_for(item, "PASS");
             let (Some(name), Some(value)) = (item.attribute("name"), item.attribute("value")) else { continue };
-            let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
+            let is_read = of_pass || Self::declared_for(item, "RENDERER");
+            let number = if is_read { self.optional_number(value) } else { None };
             self.renderer_value(item, name, number);
             self.attributes.declare(item, &name.text, of_pass);
             if let Some(number) = number.filter(|_| of_pass) {

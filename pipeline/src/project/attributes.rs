@@ -58,9 +58,34 @@ impl Attributes {
         self.held.insert((of_pass, name.to_owned()), Held { count, whole });
     }
 
+    /// The number that the project declares for passes by this name, with the name as it is declared. If no name has these letters in
+    /// this case, the first in byte order of those that differ in case alone.
+    pub fn declared(&self, name: &str) -> Option<(&str, f32)> {
+        let alike = || self.pass_values.iter().filter(|(known, _)| known.eq_ignore_ascii_case(name));
+        let found = self.pass_values.get_key_value(name).or_else(|| alike().min_by(|a, b| a.0.cmp(b.0)));
+        found.map(|(known, value)| (known.as_str(), *value))
+    }
+
     /// A number of a pass by its name: declared by the pass or set by a script, or else declared by the project.
     pub fn of_pass(&self, pass: &str, name: &str) -> Option<f32> {
         let own = self.given_values.get(&(pass.to_owned(), name.to_owned()));
         own.or_else(|| self.pass_values.get(name)).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_differ_in_case_alone_are_told_apart_and_chosen_in_a_fixed_order() {
+        let mut attributes = Attributes::default();
+        let names = ["ao_rays", "Ao_Rays", "AO_RAYS", "ao_Rays", "other"];
+        attributes.pass_values.extend((0_u8..).zip(names).map(|(number, name)| (name.to_owned(), f32::from(number))));
+        for (name, found) in [("ao_rays", 0.0), ("AO_RAYS", 2.0), ("ao_Rays", 3.0), ("AO_rays", 2.0), ("OTHER", 4.0)] {
+            assert_eq!(attributes.declared(name).map(|(_, value)| value), Some(found), "{name}");
+        }
+        assert_eq!(attributes.declared("Other"), Some(("other", 4.0)));
+        assert_eq!(attributes.declared("rays"), None);
     }
 }

@@ -67,8 +67,9 @@ impl Loader {
     fn bytes_of(&mut self, buffer: &Element) -> Option<u64> {
         let number = |loader: &Self, element: &Element, name: &str| {
             let text = &element.attribute(name)?.text;
-            let number = text.parse().ok().or_else(|| loader.constants.get(text).copied())?;
-            (number >= 1.0 && number < MOST as f32 * 2.0).then_some(number as u64)
+            // An f32 would round a large whole number.
+            let number: f64 = text.parse().ok().or_else(|| loader.constants.get(text).copied().map(f64::from))?;
+            (number >= 1.0 && number < MOST as f64 * 2.0).then_some(number as u64)
         };
         if let Some(size) = buffer.children_named(&["size"]).next() {
             return number(self, size, "value");

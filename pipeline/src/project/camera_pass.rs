@@ -306,7 +306,7 @@ impl Loader {
         if let Some(child) = pass.children_named(&[name]).next() {
             return self.number_of(child, "value");
         }
-        self.attributes.pass_values.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
+        self.attributes.declared(name).map(|(_, value)| value)
     }
 
     /// The parameters of a pass that hands inputs to device programs, as the tutorials' passes do.

@@ -82,8 +82,8 @@ impl Folder {
     /// The file that `value` names, relative to the folder; it need not exist. If the path is empty, starts with the letter of a
     /// Windows drive, or is a network path, an error is reported and the result is `None`.
     ///
-    /// Backslashes count as slashes. Paths that a printed page wrapped are joined. If an existing file differs only in case, that
-    /// file is taken and a note says so.
+    /// Backslashes count as slashes. Paths that a printed page wrapped are joined. If an existing file differs only in case, or has a
+    /// name in Latin-1, that file is taken and a note says so.
     pub fn resolve(&mut self, report: &mut Report, value: &Value) -> Option<PathBuf> {
         let mut nominal = None;
         for text in std::iter::once(&value.text).chain(&value.joined) {
@@ -113,10 +113,8 @@ impl Folder {
         Some(actual)
     }
 
-    /// An existing path that differs from `text` in the folder only by case.
+    /// An existing path that differs from `text` in the folder only by case, or by names in Latin-1.
     fn any_case(&mut self, text: &str) -> Option<PathBuf> {
-        /// Greatest number of entries of a folder that are examined.
-        const MOST: usize = 10_000;
         /// Greatest number of look-ups: a project with thousands of missing files must not cause a search for each.
         const MOST_LOOKUPS: u32 = 64;
         self.lookups += 1;
@@ -130,16 +128,8 @@ impl Folder {
                 path = next;
                 continue;
             }
-            let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
-            let lower = part.to_lowercase();
-            let mut alike: Vec<_> = std::fs::read_dir(here)
-                .ok()?
-                .take(MOST)
-                .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-                .filter(|name| name.to_lowercase() == lower)
-                .collect();
-            alike.sort_unstable();
-            path.push(alike.first()?);
+            let entry = crate::paths::entry_in_any_case(&path, part)?;
+            path.push(entry);
         }
         Some(path)
     }

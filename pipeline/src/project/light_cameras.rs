@@ -27,10 +27,9 @@ impl Loader {
             self.announce_groups(&key, pass);
             for child in &pass.children {
                 let Some(value) = child.attribute("value") else { continue };
-                let known =
-                    self.attributes.pass_values.keys().find(|known| known.eq_ignore_ascii_case(&child.name)).cloned();
-                let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
-                if let (Some(known), Some(number)) = (known, number) {
+                let Some((known, _)) = self.attributes.declared(&child.name) else { continue };
+                let known = known.to_owned();
+                if let Some(number) = self.optional_number(value) {
                     self.attributes.given_values.insert((key.clone(), known), number);
                 }
             }

@@ -760,12 +760,12 @@ pub struct ColorMap {
 /// What a [`ColorMap`] does to a material's texture, vertex colours and holes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum TextureMap {
-    /// They stay.
+    /// The texture, the vertex colours and the holes stay.
     #[default]
     Kept,
-    /// They are removed: a `materialMaps` entry replaces the whole material.
+    /// The texture, the vertex colours and the holes are removed: a `materialMaps` entry replaces the whole material.
     Removed,
-    /// They are replaced by this image file, with this filter for magnification.
+    /// This image file, with this filter for magnification, replaces the texture; vertex colours and holes are removed.
     File(PathBuf, Magnification),
 }
 
@@ -1032,3 +1032,6 @@ pub enum QuadSource {
     /// The result of [`QuadPass::shader`].
     Own,
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,5 @@
 //! Ray passes that trace no rays: the ray-generation program alone writes their picture, as in the first tutorials of the
-//! engine's descendant. A built-in shader draws the same picture as a quad. Device code is not run: the inputs that a pass hands
+//! engine's descendant. A built-in shader draws that picture in a quad. Device code is not run: the inputs that a pass hands
 //! over decide which shader is used, and a warning says so.
 
 use super::QuadPass;

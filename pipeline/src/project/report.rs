@@ -50,8 +50,8 @@ impl Report {
         self.errors > 0
     }
 
-    /// Records a problem, unless the same problem is recorded already. Not generic, since there are hundreds of callers. `help` is called
-    /// at most once, and only if the problem is kept.
+    /// Records a problem, unless the same problem is recorded already. `help` is called at most once, and only if the problem is kept.
+    /// The function is not generic, so that it is compiled once for its hundreds of callers.
     fn push(&mut self, severity: Severity, at: Span, message: String, help: &mut dyn FnMut() -> Option<String>) {
         // A pass that a script repeats is read for each run; its problems are reported once.
         let same = |(place, problem): &(Span, Problem)| {

@@ -126,7 +126,7 @@ pub fn names_scenes(path: &Path) -> bool {
 }
 
 fn extension(path: &Path) -> String {
-    // The only extension that contains a dot.
+    // `mesh.xml` is the only extension that contains a dot.
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     if name.ends_with(".mesh.xml") {
         return "mesh.xml".to_owned();
@@ -134,8 +134,8 @@ fn extension(path: &Path) -> String {
     path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase()
 }
 
-/// The scene files at a path: the file itself, or those of a folder. `None` for a project file, and for a file that cannot be read
-/// unless its extension is that of a scene.
+/// The scene files at a path: the file itself, or those of a folder. `None` for a project file. Also `None` for a file that cannot be
+/// read, unless its extension is that of a scene.
 ///
 /// # Errors
 /// If the file is neither a scene nor a project, or the folder contains no scene.

@@ -130,6 +130,14 @@ impl Loader {
         None
     }
 
+    /// A finite number, or that of a constant; `None` for a value that is neither. A number that is not finite is an error.
+    pub fn optional_number(&mut self, value: &Value) -> Option<f32> {
+        match value.text.parse::<f32>() {
+            Ok(_) => self.number(value),
+            Err(_) => self.constants.get(&value.text).copied(),
+        }
+    }
+
     /// A number in a required attribute.
     pub fn number_of(&mut self, element: &Element, name: &str) -> Option<f32> {
         let value = self.required(element, name)?;

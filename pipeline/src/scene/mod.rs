@@ -40,6 +40,7 @@ use crate::diagnostic::Warnings;
 use glam::{DMat4, DVec3, Mat4, Vec2, Vec3, Vec4};
 use reflectance::Reflectance;
 use std::path::PathBuf;
+use std::sync::Arc;
 use texture::{Sampling, Texture, Wrap};
 
 /// A scene as files describe it: shared meshes, placed by objects.
@@ -190,8 +191,8 @@ pub enum TextureSource {
     Embedded {
         /// Name for messages, such as `file.glb#image3`.
         name: String,
-        /// Bytes of the encoded image (PNG, JPEG).
-        bytes: Vec<u8>,
+        /// Bytes of the encoded image (PNG, JPEG). Sources with different samplings share them.
+        bytes: Arc<[u8]>,
     },
     /// Two existing files: colours from one, alpha from the red channel of the other (MTL `map_d`).
     Masked {

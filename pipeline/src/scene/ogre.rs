@@ -26,8 +26,12 @@ struct Loader {
     shared_groups: Vec<Group>,
     /// Whether the open vertex already has texture coordinates; only the first set is read.
     has_texcoord: bool,
-    elements: u64,
+    /// Most bytes that the elements read so far take.
+    held: usize,
 }
+
+/// Memory is booked in steps of at least this many bytes.
+const STEP: usize = 1 << 18;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
     with_text(bytes, context, read_mesh)
@@ -55,11 +59,12 @@ fn read_mesh(text: &str, context: &mut Context<'_>) -> Result<Scene, SceneError>
             Event::End(element) if element.name().as_ref().eq_ignore_ascii_case("submesh") => loader.end(),
             _ => {}
         }
-        loader.elements += 1;
-        // An element becomes at most a vertex with its attributes; lists double as they grow.
-        if loader.elements > booked {
-            context.take("the vertices and faces", 4096, 64)?;
-            booked += 4096;
+        // 64 bytes an element: a vertex with its attributes, in lists that double as they grow. Submeshes add their own bytes in `start`.
+        loader.held += 64;
+        if loader.held > booked {
+            let step = STEP.max(loader.held - booked);
+            context.take("the vertices, faces and submeshes", 1, step)?;
+            booked += step;
         }
     }
     if !is_mesh {
@@ -76,9 +81,13 @@ impl Loader {
                 self.end();
                 let shares = text(element, "usesharedvertices")?.is_none_or(|value| value.eq_ignore_ascii_case("true"));
                 let material = text(element, "material")?.unwrap_or_default();
+                // A submesh with vertices of its own becomes a mesh and an object, both with its name. Lists double as they grow.
+                let own = if shares { 0 } else { size_of::<Mesh>() + size_of::<Object>() + 2 * 32 };
+                self.held += 2 * (size_of::<Group>() + own);
                 let index = match self.table.get(&material) {
                     Some(index) => index,
                     None => {
+                        self.held += 2 * (size_of::<super::Material>() + material.len() + 32);
                         self.table.declare(super::Material { name: material, ..super::Material::default() });
                         self.table.materials.len() as u32 - 1
                     }
@@ -232,6 +241,11 @@ mod tests {
         let many = format!("<mesh>{}</mesh>", "<vertex/>".repeat(20_000));
         let error = load_text(&many, 1 << 20).expect_err("beyond the limit");
         assert!(error.contains("--max-memory"), "{error}");
+        // Submeshes take more than other elements, also empty ones.
+        let many = |count: usize| format!("<mesh>{}</mesh>", "<submesh usesharedvertices=\"false\"/>".repeat(count));
+        let error = load_text(&many(4000), 1 << 20).expect_err("beyond the limit");
+        assert!(error.contains("submeshes need") && error.contains("--max-memory"), "{error}");
+        assert_eq!(load_text(&many(400), 1 << 20).expect("it loads").objects.len(), 400);
         let lacking = MESH.replace("<normal x=\"0\" y=\"0\" z=\"1\"/><texcoord u=\"1\" v=\"1\"/>", "");
         let scene = load_text(&lacking, 1 << 24).expect("it is drawn without");
         assert!(scene.meshes[1].normals.is_empty() && scene.warnings.groups().len() == 1);

@@ -53,10 +53,8 @@ mod tests {
             let share = curve.at(step as f32 / 100.0);
             assert!((0.04..=0.9).contains(&share), "{share}");
         }
-        // A wrong operator precedence in the formula would add (1 - minimum) * minimum to the whole curve; at grazing incidence more light
-        // would be reflected than arrives.
-        let wrong = |away: f32| 0.04 + (1.0 - 0.04) * 0.04 + (1.0 - 0.04) * away.powf(5.0);
-        assert!((wrong(0.0) - 0.0784).abs() < 1e-4 && wrong(1.0) > 1.03);
+        // Between the ends, 0.5^5 = 1 / 32 of the way.
+        assert!((curve.at(0.5) - (0.04 + 0.86 / 32.0)).abs() < 1e-6, "{}", curve.at(0.5));
     }
 
     #[test]

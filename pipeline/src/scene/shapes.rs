@@ -89,7 +89,7 @@ impl ShapeKind {
     /// Greatest number of slices, stacks or divisions.
     pub const MOST: u32 = 4096;
 
-    /// Upper bound of the mesh's size in bytes; for kinds without a mesh, the size of a [`PlacedSphere`].
+    /// Approximate size of the mesh in bytes; for kinds without a mesh, the size of a [`PlacedSphere`].
     fn bytes(self) -> u64 {
         let Some((columns, rows)) = self.cells() else { return size_of::<PlacedSphere>() as u64 };
         let (columns, rows) = (u64::from(columns), u64::from(rows));

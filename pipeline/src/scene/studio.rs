@@ -251,7 +251,8 @@ impl Loader<'_, '_> {
                 (0xA050, part) => {
                     let clear = share(part)?.filter(|share| share.is_finite()).unwrap_or(0.0).clamp(0.0, 1.0);
                     material.diffuse.w = 1.0 - clear;
-                    material.transmission = clear;
+                    // As in MTL, the rest of the light is scattered back.
+                    (material.transmission, material.veil) = (clear, 1.0 - clear);
                 }
                 (0xA200, part) => texture = self.texture(part, &mut mapping)?,
                 _ => {}

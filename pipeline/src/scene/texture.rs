@@ -353,7 +353,6 @@ fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Vec<Leve
 fn halve(level: &Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Level {
     let (width, height) = ((level.width / 2).max(1), (level.height / 2).max(1));
     let mut texels = vec![[0; 4]; width as usize * height as usize];
-    // Both rows, cut to whole pairs, so that the compiler knows their lengths.
     let row = |y: u32| &level.texels[y as usize * level.width as usize..][..level.width as usize];
     let fill = |(y, out): (usize, &mut [[u8; 4]])| {
         let y = (2 * y as u32).min(level.height - 1);
@@ -362,6 +361,7 @@ fn halve(level: &Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Level 
             out[0] = mean([*upper, *upper, *lower, *lower]);
             return;
         }
+        // The rows are cut to whole pairs, so that the compiler knows their lengths.
         for ((out, upper), lower) in out.iter_mut().zip(upper.as_chunks().0).zip(lower.as_chunks().0) {
             let ([a, b], [c, d]) = (*upper, *lower);
             *out = mean([a, b, c, d]);

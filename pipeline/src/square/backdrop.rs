@@ -62,8 +62,8 @@ fn hills(builder: &mut Builder, detail: Detail) {
     });
 }
 
-/// A flat screen, perpendicular to the sun's horizontal direction, so that only its texture varies its brightness, with an angled
-/// wing at each end. Shading and geometric normals agree, so occlusion rays that start on it never hit it.
+/// A flat screen perpendicular to the sun's horizontal direction, with an angled wing at each end. Since the screen is flat, only its
+/// texture varies its brightness. Shading and geometric normals agree, so occlusion rays that start on it never hit it.
 fn sky(builder: &mut Builder, detail: Detail) {
     const AWAY: f32 = 380.0;
     const HALF: f32 = 610.0;

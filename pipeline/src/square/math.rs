@@ -37,7 +37,7 @@ pub(super) fn on_circle(index: u32, count: u32) -> Vec2 {
     Vec2::new(cos as f32, sin as f32)
 }
 
-/// A hash of three integers ("lowbias32" of C. Wellons, applied after each).
+/// A hash of three integers ("lowbias32" of C. Wellons, applied after each integer).
 pub(super) fn hash(a: u32, b: u32, c: u32) -> u32 {
     fn mix(mut x: u32) -> u32 {
         x ^= x >> 16;

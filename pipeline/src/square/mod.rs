@@ -176,9 +176,9 @@ fn assemble(parts: Vec<Placed>) -> Square {
             Painting { name, width, height, texels: picture.texels() }
         })
         .collect();
-    let embedded = |painting: &Painting| TextureSource::Embedded {
-        name: painting.name.to_owned(),
-        bytes: painting.png().expect("a painting has as many texels as its size says, and memory takes any file"),
+    let embedded = |painting: &Painting| {
+        let png = painting.png().expect("a painting has as many texels as its size says, and memory takes any file");
+        TextureSource::Embedded { name: painting.name.to_owned(), bytes: png.into() }
     };
     scene.textures = paintings.iter().map(embedded).collect();
     Square { scene, paintings }

@@ -175,13 +175,7 @@ pub(super) fn balcony(builder: &mut Builder, frame: &Frame, [from, to]: [f32; 2]
     if !detail.at_least(1) {
         return;
     }
-    let spacing = if detail.at_least(2) {
-        0.11
-    } else if detail.at_least(1) {
-        0.15
-    } else {
-        0.5
-    };
+    let spacing = if detail.at_least(2) { 0.11 } else { 0.15 };
     let mut bar = |x: f32, z: f32| {
         let path = [(Vec3::new(x, floor, z), 0.011), (Vec3::new(x, top, z), 0.011)];
         builder.tube(Surface::Iron, frame, sides, &path);

@@ -9,8 +9,8 @@ use super::roof::{self, Slope};
 use super::surface::Surface;
 use glam::Vec3;
 
-/// Frame at the left end of the cafe's facade, as seen from the square. Seen along its facade the fountain lies almost ahead, so
-/// the pane mirrors the fountain at a grazing angle.
+/// Frame at the left end of the cafe's facade, as seen from the square. A viewer who looks along the facade has the fountain
+/// almost straight ahead, so the pane mirrors the fountain at a grazing angle.
 pub(super) fn cafe_frame() -> Frame {
     Frame::facing(Vec3::new(-1.0, 0.0, -15.0), Vec3::new(0.7373, 0.0, -0.6756))
 }

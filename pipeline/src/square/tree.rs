@@ -101,7 +101,7 @@ impl Tree {
     }
 }
 
-/// A uniform direction: height and longitude of a point on the sphere (Archimedes).
+/// A direction, uniformly distributed over the sphere: the height and the longitude of its point are each uniform (Archimedes).
 fn on_sphere(random: &mut Random) -> Vec3 {
     let y = random.between(-1.0, 1.0);
     let (cos, sin) = cos_sin(f64::from(random.unit()));

@@ -83,7 +83,7 @@ impl LoadedScene<'_> {
 }
 
 /// Asserts that two scenes have the same objects, with the same positions, triangles and materials, bit by bit. Groups without
-/// triangles and all names are not compared: the writer leaves the former out and may change the latter.
+/// triangles and all names are not compared: the writer leaves out empty groups and may change names.
 pub fn same(written: &Scene, read: &Scene) {
     let transforms = |scene: &Scene| -> Vec<[u32; 16]> {
         scene.objects.iter().map(|object| scene.to_world(object).as_mat4().to_cols_array().map(f32::to_bits)).collect()

@@ -118,7 +118,7 @@ pub fn texture(input: &[u8]) -> Outcome {
     let folder = Folder::new();
     let file = folder.write("image.tga", input);
     let sources = [
-        TextureSource::Embedded { name: "embedded".to_owned(), bytes: input.to_vec() },
+        TextureSource::Embedded { name: "embedded".to_owned(), bytes: input.into() },
         TextureSource::File(file.clone()),
         TextureSource::Masked { color: file.clone(), mask: file },
     ];

@@ -279,3 +279,19 @@ fn a_pass_without_a_camera_is_a_pattern_by_what_it_is_handed() {
     );
     one_error(&no_camera(&[&named, SHOW].concat()), "pass `rays` has no camera, nor has its pipeline", "Eye");
 }
+
+#[test]
+fn a_light_that_is_a_line_sends_out_nothing_and_is_refused() {
+    let of = |sides: &str| {
+        let attributes = format!("program=\"{}\" {sides}", RayProgram::PathTracing.info().stem);
+        let pass = with(NAMED, "program=\"whitted\" samples=\"4\" gloss=\"64\"", &attributes);
+        Plan::new(good(&project(&[with(&pass, "\"Sun\"", "\"Lamp\"").as_str(), SHOW].concat())), Settings::default())
+    };
+    for sides in ["", "lightwidth=\"2\" lightdepth=\"0.5\""] {
+        assert!(of(sides).is_ok(), "{sides}");
+    }
+    for sides in ["lightwidth=\"2\"", "lightdepth=\"0.5\""] {
+        let error = of(sides).expect_err("no area").to_string();
+        assert!(error.contains("pass `rays` sets lightwidth=") && error.contains("both above 0"), "{error}");
+    }
+}

@@ -294,6 +294,37 @@ fn only_textures_in_use_are_decoded_and_undecodable_ones_are_named() {
 }
 
 #[test]
+fn a_warning_says_for_each_broken_texture_what_serves_in_its_place() {
+    let folder = Folder::new();
+    // Without texture coordinates there would be no tangents, and so no normal map.
+    let mesh = Mesh { texcoords: vec![Vec2::ZERO, Vec2::X, Vec2::Y], ..triangle(0) };
+    let mut scene = scene(vec![mesh], vec![object(0, Mat4::IDENTITY)], 1);
+    let broken = |name: &str| TextureSource::File(folder.write(name, b"no image"));
+    scene.textures = vec![
+        broken("color.png"),
+        broken("normal.png").data(),
+        broken("roughness.png").data(),
+        broken("alpha.png").clear(u16::MAX),
+    ];
+    let [color, normal, roughness, clear] = [0, 1, 2, 3].map(Some);
+    let material = &mut scene.materials[0];
+    (material.texture, material.normal_texture) = (color, normal);
+    (material.roughness_texture, material.transmission_texture) = (roughness, clear);
+    let (_, warnings) = build(scene, &BuildOptions::default());
+    for (name, serves) in [
+        ("color.png", "the diffuse colour serves"),
+        ("normal.png", "the normals of the vertices serve"),
+        ("roughness.png", "the factor alone serves"),
+        ("alpha.png", "their materials are opaque"),
+    ] {
+        let mut of_it = warnings.groups().iter().filter(|group| group.places.iter().any(|place| place.contains(name)));
+        let group = of_it.next().expect("a warning");
+        assert_eq!((group.what, group.remedy), ("textures that cannot be decoded", serves), "{name}");
+        assert!(of_it.next().is_none(), "{name}");
+    }
+}
+
+#[test]
 fn a_mask_of_another_size_becomes_the_alpha_of_the_colours() {
     let folder = Folder::new();
     let mut scene = scene(vec![triangle(0)], vec![object(0, Mat4::IDENTITY)], 1);

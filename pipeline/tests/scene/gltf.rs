@@ -9,6 +9,7 @@ use curitiba_pipeline::scene::{
 };
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use serde_json::{Value, json};
+use std::sync::Arc;
 
 fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
@@ -556,7 +557,7 @@ fn textures_of_transmission_are_read_of_glass_where_a_pass_asks() {
     assert_eq!((scene.materials[0].transmission, scene.materials[0].veil), (0.5, 0.5), "the factor");
     let texture = scene.materials[0].transmission_texture.unwrap() as usize;
     assert!(scene.textures[texture].is_data(), "numbers are not decoded from sRGB");
-    let mut built = std::sync::Arc::new(RenderScene::build(scene, &BuildOptions::default()).unwrap().0);
+    let mut built = Arc::new(RenderScene::build(scene, &BuildOptions::default()).unwrap().0);
     let decided = curitiba_pipeline::glass::decide(&mut built, &path);
     let texture = decided.dielectrics[0].transmission_texture.expect("the glass has it") as usize;
     assert!((built.textures[texture].sample(Vec2::splat(0.5), 0.0).x - 128.0 / 255.0).abs() < 1e-6);
@@ -609,12 +610,17 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
     let textures: Vec<_> = scene.materials.iter().map(|material| material.texture).collect();
     assert_eq!(textures, [Some(0), Some(1), None, None, Some(2)]);
     assert!(
-        matches!(scene.textures[0].texels().0, TextureSource::Embedded { bytes, name } if *bytes == png && name.ends_with("a.glb#image0"))
+        matches!(scene.textures[0].texels().0, TextureSource::Embedded { bytes, name } if **bytes == *png && name.ends_with("a.glb#image0"))
     );
     assert!(matches!(&scene.textures[1], TextureSource::File(path) if path.ends_with("maps/a b.png")));
     assert_eq!(count(&scene.warnings, "missing textures"), 2);
     assert_eq!(scene.textures[0].texels().1.wrap, [Wrap::Clamp, Wrap::Repeat]);
     assert_eq!(scene.textures[2].texels(), (scene.textures[0].texels().0, Sampling::default()));
+    let bytes = |index: usize| match scene.textures[index].texels().0 {
+        TextureSource::Embedded { bytes, .. } => Arc::clone(bytes),
+        other => panic!("{other:?}"),
+    };
+    assert!(Arc::ptr_eq(&bytes(0), &bytes(2)), "the image is stored once");
     let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!(built.textures[0].levels[0].texels, [[5, 6, 7, 255]]);
 
@@ -629,6 +635,35 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
     let nothing = LoadOptions { needs: Needs::NOTHING, ..LoadOptions::default() };
     let scene = load(&[path], &nothing, &|_| {}).unwrap();
     assert!(scene.textures.is_empty() && scene.meshes[0].texcoords.is_empty());
+}
+
+#[test]
+fn an_image_that_blends_many_materials_is_read_once_where_textures_are_not() {
+    let folder = Folder::new();
+    let mut png = std::fs::read(folder.png("a.png", 4, 4, [5, 6, 7, 100])).unwrap();
+    // Decoders ignore what follows the image.
+    png.resize(1 << 20, 0);
+    let (mut json, mut binary) = square();
+    let view = json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": png.len()});
+    json["bufferViews"].as_array_mut().unwrap().push(view);
+    binary.extend(&png);
+    json["buffers"][0]["byteLength"] = binary.len().into();
+    json["textures"] = json!([{"source": 0}]);
+    json["images"] = json!([{"bufferView": 3, "mimeType": "image/png"}]);
+    // The opacities of three factors are distinct keys; the memory of each is given back.
+    let material = |index: usize| {
+        let color = [1.0, 1.0, 1.0, [1.0, 0.9, 0.8][index % 3]];
+        json!({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": color}})
+    };
+    json["materials"] = (0..60).map(material).collect();
+    let path = folder.write("a.glb", glb(&json, &binary));
+    let options = LoadOptions { needs: Needs::NOTHING, max_bytes: 4 << 20 };
+    let scene = load(&[path], &options, &|_| {}).unwrap();
+    for (index, material) in scene.materials.iter().enumerate() {
+        let clear = 1.0 - [1.0, 0.9, 0.8][index % 3] * 100.0 / 255.0;
+        assert!((material.transmission - clear).abs() < 2e-3, "{index}: {}", material.transmission);
+    }
+    assert!(scene.textures.is_empty());
 }
 
 #[test]
@@ -694,7 +729,7 @@ fn containers_that_are_damaged_are_errors() {
             json!({"asset": {"version": "1.0"}, "meshes": {}, "nodes": {}}).to_string().into(),
             "this is glTF version 1.0",
         ),
-        // Exporters of version 1.0 left it out.
+        // Exporters of version 1.0 left `asset` out.
         (json!({"meshes": {"a": {}}, "nodes": {"b": {}}}).to_string().into(), "this is glTF version 1.0"),
         (vec![0x1F, 0x8B, 8, 0, 0, 0, 0, 0], "compressed by gzip"),
     ] {
@@ -750,6 +785,11 @@ fn objects_count_against_the_memory_cap() {
     json.as_object_mut().expect("an object").remove("scene");
     let folder = Folder::new();
     let error = load_capped(&folder.write("a.glb", glb(&json, &binary))).unwrap_err();
+    assert!(error.what.starts_with("the objects need"), "{error}");
+    // An object takes its transform twice, once in f64: 40,000 take more than 8 MiB.
+    json["nodes"] = vec![json!({"mesh": 0}); 20].into();
+    let options = LoadOptions { max_bytes: 8 << 20, ..LoadOptions::default() };
+    let error = load(&[folder.write("b.glb", glb(&json, &binary))], &options, &|_| {}).unwrap_err();
     assert!(error.what.starts_with("the objects need"), "{error}");
 }
 
@@ -1336,7 +1376,7 @@ fn what_is_blended_by_a_texture_is_clear_by_each_texel_or_cut_out() {
         let mut scene = scene.clone();
         scene.meshes[0].groups[0].material = material;
         let options = BuildOptions { color: ColorSpace::Linear, ..BuildOptions::default() };
-        let mut built = std::sync::Arc::new(RenderScene::build(scene, &options).unwrap().0);
+        let mut built = Arc::new(RenderScene::build(scene, &options).unwrap().0);
         let decided = curitiba_pipeline::glass::decide(&mut built, &path);
         let texture = decided.dielectrics[material as usize].transmission_texture.expect("its alpha") as usize;
         let base = &built.textures[built.materials[material as usize].texture.expect("its colours") as usize];

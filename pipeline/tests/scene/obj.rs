@@ -143,7 +143,7 @@ fn normals_are_smooth_across_materials_where_the_file_has_none() {
 
 #[test]
 fn vertices_that_the_file_lists_twice_stay_apart_in_later_runs_too() {
-    // After a face of another material: the valley with separate vertices for each side, so it is flat.
+    // After a face of another material: the valley with separate vertices for each side, so each side is flat.
     let text = "v 9 0 0\nv 9 1 0\nv 8 0 0\nusemtl a\nf 1 2 3\nusemtl b\n\
                 v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nf 4 7 6 5\nv 0 0 0\nv 0 1 0\nv -1 1 1\nv -1 0 1\nf 8 9 10 11\n";
     let (built, _) = RenderScene::build(obj(text), &BuildOptions::default()).unwrap();

@@ -61,7 +61,7 @@ fn meshes_materials_and_textures_are_read() {
     assert_eq!(names, ["red", "wall", "default"]);
     let red = &scene.materials[0];
     assert!(red.diffuse.truncate().distance(Vec3::new(1.0, 0.2, 0.0)) < 1e-6);
-    assert_eq!((red.diffuse.w, red.transmission), (0.5, 0.5));
+    assert_eq!((red.diffuse.w, red.transmission, red.veil), (0.5, 0.5, 0.5));
     let groups: Vec<_> = scene.meshes[0].groups.iter().map(|group| (group.material, group.triangles[0])).collect();
     assert_eq!(groups, [(0, [0, 1, 2]), (1, [2, 1, 3]), (2, [0, 1, 4])]);
     // Only the texture coordinates of the textured face are transformed by its material.

@@ -112,6 +112,10 @@ fn what_could_not_skip_pixels_is_refused() {
             "{name}: {error}"
         );
     }
+    // A filter over shares without noise does nothing.
+    let idle =
+        Settings { set: vec!["pass2.filter=1".to_owned()], aa: within(16, 0.02), ..settings("SceneShadows", 16) };
+    Plan::new(project::load(&file("SceneShadows")).expect("it loads"), idle).expect("a plan");
     let planned =
         |aa| Plan::new(project::load(&file("SceneFinal")).expect("it loads"), Settings { aa, ..whole.clone() });
     let [with, without] = [whole.aa, samples(16)].map(|aa| planned(aa).expect("a plan"));

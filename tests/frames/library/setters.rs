@@ -351,6 +351,31 @@ fn files_are_read_again_and_what_was_set_stays() {
 }
 
 #[test]
+fn a_project_that_is_read_again_may_have_more_targets_and_fewer() {
+    let folder = Project::copied();
+    let project = std::fs::read_to_string(file("SceneShadows")).expect("the project is there");
+    let path = folder.write("project.xml", &project);
+    let library = folder.0.path().join("mlibs/DeferredRenderTargets.mlib");
+    let few = std::fs::read_to_string(&library).expect("the library is there");
+    let target = |name: &str| {
+        let channel = format!(r#"<color name="{name}" internalFormat="RGBA8"/>"#);
+        format!(r#"<rendertarget name="{name}"><size width="8" height="8"/><colors>{channel}</colors></rendertarget>"#)
+    };
+    let many = few.replacen("<rendertargets>", &format!("<rendertargets>{}", target("first")), 1);
+    let many = many.replacen("</rendertargets>", &format!("{}</rendertargets>", target("last")), 1);
+    let mut renderer =
+        curitiba::open(&path, settings("SceneShadows"), Choice::CPU, &mut Silent).expect("the project opens");
+    let before = bits(&frame(&mut renderer));
+    let count = renderer.plan().targets.len();
+    for (text, targets) in [(&many, count + 2), (&few, count)] {
+        std::fs::write(&library, text).expect("a file");
+        renderer.reload().expect("the project is there");
+        assert!(bits(&update(&mut renderer)) == before);
+        assert_eq!(renderer.plan().targets.len(), targets);
+    }
+}
+
+#[test]
 fn scenes_that_are_kept_are_read_once_for_all_that_need_the_same_of_them() {
     let folder = Project::copied();
     let path =

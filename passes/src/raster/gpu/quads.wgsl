@@ -31,6 +31,8 @@ const INFINITE: u32 = 0x7f800000u;
 const QUIET: u32 = 0x00400000u;
 const NO_NUMBER: u32 = 0x7fc00000u;
 const ONE: u32 = 0x3f800000u;
+// The limit of Reinhard's curve for large luminances.
+const SIXTEENTH: u32 = 0x3d800000u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 // Bindings 1 and 2 are the colour and the factor: quads.rs writes their declarations, and load_color and load_factor, for textures or
@@ -211,12 +213,12 @@ fn tone_scale(color: vec3u) -> u32 {
         return ONE;
     }
     if any(infinite) {
-        return select(NO_NUMBER, ONE, any(infinite & negative));
+        return select(SIXTEENTH, ONE, any(infinite & negative));
     }
     let parts = bitcast<vec3f>(weighted);
     let luminance = max(parts.x + parts.y + parts.z, 0.0);
     if magnitude(bitcast<u32>(luminance)) >= INFINITE {
-        return NO_NUMBER;
+        return SIXTEENTH;
     }
     // Above 2^30 the factor is 1/16 to the last bit, so a bound of 2^40 changes nothing. The bound is needed because a driver
     // need not divide correctly by numbers above 2^126.

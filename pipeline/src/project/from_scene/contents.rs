@@ -1,6 +1,6 @@
 //! The part of a scene that the camera looks at: the box of all triangles, or of most of them, and the shell around them if there is one.
 
-use super::extent::{Extent, around, parts};
+use super::extent::{Every, Extent, around, parts};
 use super::shell::{Shell, outermost};
 use crate::scene::Scene;
 use glam::DVec3;
@@ -65,13 +65,9 @@ fn focus(scene: &Scene, whole: Extent, left_out: &[(usize, usize)]) -> Extent {
     };
     let step = groups().map(|(_, _, group)| group.triangles.len()).sum::<usize>().div_ceil(MOST).max(1);
     let mut corners: [Vec<f32>; 3] = Default::default();
-    let mut number = 0;
+    let mut every = Every::nth(step);
     for (object, mesh, group) in groups() {
-        for triangle in &group.triangles {
-            number += 1;
-            if number % step != 0 {
-                continue;
-            }
+        for triangle in every.of(&group.triangles) {
             let placed = triangle.iter().filter_map(|corner| mesh.positions.get(*corner as usize));
             let placed = placed.map(|position| object.transform.transform_point3(*position));
             for corner in placed.filter(|corner| corner.is_finite()) {

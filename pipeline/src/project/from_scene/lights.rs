@@ -1,6 +1,6 @@
 //! Lights of a project made from scene files.
 
-use super::extent::Extent;
+use super::extent::{Every, Extent};
 use super::view::{self, SUN, unit};
 use super::{Notes, SceneOptions, clean};
 use crate::color::BRIGHTEST;
@@ -146,16 +146,12 @@ fn points(scene: &Scene, focus: Extent) -> Vec<Point> {
         .map(|group| group.triangles.len())
         .sum();
     let step = count.div_ceil(MOST_TRIANGLES).max(1);
-    let (mut number, mut whole) = (0_usize, 0.0);
+    let (mut every, mut whole) = (Every::nth(step), 0.0);
     // Corners of triangles, each with the sum of twice the areas up to and including this triangle.
     let mut triangles: Vec<(f64, [DVec3; 3])> = Vec::with_capacity(count / step);
     for object in &scene.objects {
         let mesh = &scene.meshes[object.mesh as usize];
-        for triangle in mesh.groups.iter().flat_map(|group| &group.triangles) {
-            number += 1;
-            if !number.is_multiple_of(step) {
-                continue;
-            }
+        for triangle in mesh.groups.iter().flat_map(|group| every.of(&group.triangles)) {
             let corner = |index: u32| {
                 let placed = object.transform.transform_point3(*mesh.positions.get(index as usize)?);
                 placed.is_finite().then(|| scene.origin + placed.as_dvec3())

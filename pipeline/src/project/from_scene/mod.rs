@@ -2,12 +2,12 @@
 //!
 //! | part | choice |
 //! |---|---|
-//! | camera | `Camera`: described by options, or placed to see the whole focus; the file's own cameras come first unless it is described |
+//! | camera | `Camera`: described by options, or placed to see the whole focus; unless options describe it, the file's cameras come first |
 //! | lights | the options' sun, or the file's lights, or a sun behind the viewer's left shoulder |
 //! | sky | a dome or box around everything else that is a sky by its name, is round, or is a sky box; its materials are a `<sky>` |
 //! | effects | shadows (unless a closed room keeps the sun from everything) and occlusion; glass if a drawn material transmits at least a tenth of the light |
 //! | glass | by each material (`glass=auto`), in front of the background, with coloured shadows (`shadow=straight`) |
-//! | focus | box of all triangles, or of most if few far ones (a sky) make it over three times as large; without a shell that contains the camera |
+//! | focus | box of all triangles, or of most if few far ones (a sky) make it over three times as large; without a shell around all else |
 //! | occlusion radius | a twentieth of the diagonal of the focus |
 //! | window | 1024 x 1024 |
 //! | colours | linear (`color=linear`) |
@@ -32,6 +32,7 @@ use crate::scene::{self, LoadOptions, Needs, Placement, Scene, SceneError};
 use contents::Contents;
 use glam::Vec3;
 use passes::{Common, Step};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use view::two_digits;
@@ -322,18 +323,17 @@ fn cameras(
     notes: &mut Notes,
 ) -> Result<Vec<Camera>, FromSceneError> {
     let made = view::camera(options, contents, window).map_err(FromSceneError::Option)?;
-    let mut cameras: Vec<Camera> = Vec::new();
+    let mut cameras: Vec<Camera> = Vec::with_capacity(scene.cameras.len() + 1);
+    let mut taken = HashSet::from([made.name.to_lowercase()]);
+    // For each name of the file: the number that its next camera tries first, because those below are taken.
+    let mut numbers: HashMap<String, usize> = HashMap::new();
     for camera in &scene.cameras {
         let base = clean(&camera.name).unwrap_or_else(|| "camera".to_owned());
-        let taken = |name: &str| {
-            let same = |other: &str| other.to_lowercase() == name.to_lowercase();
-            same(&made.name) || cameras.iter().any(|camera| same(&camera.name))
-        };
+        let number = numbers.entry(base.to_lowercase()).or_insert(2);
         let mut name = base.clone();
-        let mut number = 2;
-        while taken(&name) {
+        while !taken.insert(name.to_lowercase()) {
             name = format!("{base} {number}");
-            number += 1;
+            *number += 1;
         }
         cameras.push(view::of_file(camera, scene.origin, name, contents.whole, window));
     }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::project::{Light, MaterialPattern, PassKind, QuadSource, RayPass};
-use glam::DVec3;
+use glam::{DVec3, Mat4};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Writes a scene to a folder: a square of two materials, paint and pane; the pane is glass if `d` is below 1.
@@ -335,6 +335,39 @@ fn cameras_of_the_file_come_first_unless_one_is_described() {
     assert_eq!(sun.color, Vec3::new(0.7, 0.35, 0.0));
     let described = SceneOptions { fov: Some(20.0), ..SceneOptions::default() };
     assert_eq!(names(&open(&path, &described)), ["Camera", "Door", "camera 2"]);
+}
+
+/// A triangle of one material, placed by each of these transforms.
+fn placed(transforms: impl IntoIterator<Item = Mat4>) -> Scene {
+    let group = scene::Group { material: 0, triangles: vec![[0, 1, 2]] };
+    let mesh = scene::Mesh { positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y], groups: vec![group], ..Default::default() };
+    let object = |transform| scene::Object { name: String::new(), mesh: 0, transform };
+    let objects = transforms.into_iter().map(object).collect();
+    Scene { meshes: vec![mesh], objects, materials: vec![scene::Material::default()], ..Scene::default() }
+}
+
+#[test]
+fn many_cameras_with_one_name_get_numbers_without_a_search_through_all() {
+    const COUNT: usize = 5000;
+    let camera = |name: &str| scene::SceneCamera {
+        name: name.to_owned(),
+        position: Vec3::Z,
+        direction: Vec3::NEG_Z,
+        up: Vec3::Y,
+        fov_y: 1.0,
+        aspect: None,
+        near: 0.1,
+        far: None,
+    };
+    let mut scene = placed([Mat4::IDENTITY]);
+    scene.cameras = ["Eye 3", "Eye", "eye", "EYE", "eye 3"].map(camera).to_vec();
+    scene.cameras.extend((0..COUNT).map(|_| camera("")));
+    let project = SceneProjects::in_memory(scene, &SceneOptions::default(), None).expect("a scene").project();
+    let names: Vec<&str> = project.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!(names[..5], ["Eye 3", "Eye", "eye 2", "EYE 4", "eye 3 2"]);
+    // The camera that is made for the scene has the name `Camera`.
+    assert_eq!(names[5..7], ["camera 2", "camera 3"]);
+    assert_eq!(names[4 + COUNT], format!("camera {}", COUNT + 1));
 }
 
 /// A floor of 4 x 4 units at y = 0, with a point light 1 above its middle, a spot light that looks down from 2 above it, and a sun.

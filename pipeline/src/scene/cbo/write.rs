@@ -26,7 +26,8 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 /// Objects that place the same mesh share it. Texture paths are stored relative to the file; images that are embedded in scene files, or
 /// combined from two files, are written to the file's folder as `NAME.texture0.png`. The returned warnings count, by kind, what the
 /// format cannot store: properties of glass, emissive textures, emission that is added, normal maps, single-sided materials, alpha
-/// cutoffs (today's layout only), wrap modes, magnification, vertex colours, and letters outside Latin-1.
+/// cutoffs (today's layout only), wrap modes, magnification, vertex colours, and letters outside Latin-1. Cameras, lights and exact
+/// spheres are left out without a warning.
 ///
 /// # Errors
 /// If a count does not fit the format, a texture's path is not valid Unicode, an image cannot be stored, or a file cannot be written.

@@ -10,6 +10,8 @@ use std::collections::HashMap;
 
 /// Weights of the luminance of a colour (COLLADA 1.4.1, "Determining transparency").
 const LUMINANCE: Vec3 = Vec3::new(0.212_671, 0.715_160, 0.072_169);
+/// Opacity of an invisible material. It is above 0 because the weights of the luminance are rounded.
+const INVISIBLE: f32 = 1e-6;
 
 /// The materials that drawn primitives use.
 #[derive(Debug, Default)]
@@ -118,7 +120,16 @@ impl Materials {
                 "RGB_ONE" => factor * clear.truncate().dot(LUMINANCE),
                 _ => factor * clear.w,
             };
-            material.diffuse.w = if opacity.is_finite() { opacity.clamp(0.0, 1.0) } else { 1.0 };
+            let mut opacity = if opacity.is_finite() { opacity.clamp(0.0, 1.0) } else { 1.0 };
+            if opacity < INVISIBLE {
+                // Some exporters confuse transparency and opacity, and an invisible material is not intended.
+                let what = "materials that their transparency would make invisible";
+                warnings.add(context.file, what, "taken for opaque", || format!("`{}`", material.name));
+                opacity = 1.0;
+            }
+            material.diffuse.w = opacity;
+            // As in MTL, the rest of the light is scattered back.
+            (material.transmission, material.veil) = (1.0 - opacity, opacity);
         }
     }
 }

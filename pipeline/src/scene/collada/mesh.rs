@@ -8,6 +8,7 @@ use crate::scene::origin::{bounds, origin_for};
 use crate::scene::{Group, Mesh};
 use glam::{DVec3, Vec2, Vec3};
 use std::collections::HashMap;
+use std::rc::Rc;
 
 /// Marks a missing index.
 const NONE: u32 = u32::MAX;
@@ -44,9 +45,41 @@ impl Meshes {
     }
 }
 
-/// An attribute: the numbers of a source, and the offset of its index within a corner's indices.
-struct Attribute {
-    offset: usize,
+/// The sources that the primitives of a mesh have read so far.
+#[derive(Default)]
+pub(super) struct Sources {
+    /// By the index of the source, and whether it holds positions.
+    known: HashMap<(u32, bool), Rc<Source>>,
+    /// Bytes that are booked for them.
+    booked: u64,
+}
+
+impl Sources {
+    /// The source with an index. It is read at its first use.
+    fn of(
+        &mut self,
+        document: &Document<'_>,
+        key: (u32, bool),
+        context: &mut Context<'_>,
+    ) -> Result<Rc<Source>, SceneError> {
+        if let Some(known) = self.known.get(&key) {
+            return Ok(Rc::clone(known));
+        }
+        let left = context.budget.left();
+        let read = Rc::new(Source::read(document, key, context)?);
+        self.booked += left - context.budget.left();
+        self.known.insert(key, Rc::clone(&read));
+        Ok(read)
+    }
+
+    /// Drops the sources and gives their memory back.
+    pub(super) fn give_back(self, context: &mut Context<'_>) {
+        context.budget.give_back(self.booked);
+    }
+}
+
+/// The numbers of a source.
+struct Source {
     numbers: Vec<f32>,
     /// Origin to which positions are relative.
     origin: DVec3,
@@ -55,7 +88,13 @@ struct Attribute {
     count: usize,
 }
 
-impl Attribute {
+/// An attribute: its source, and the offset of its index within a corner's indices.
+struct Attribute {
+    offset: usize,
+    source: Rc<Source>,
+}
+
+impl Source {
     /// The value at an index below `count`, or zeros for [`NONE`]. Components beyond the stride are 0.
     fn at<const N: usize>(&self, index: u32) -> [f32; N] {
         if index == NONE {
@@ -74,6 +113,7 @@ pub(super) fn read(
     document: &Document<'_>,
     (primitive, material): (u32, u32),
     name: String,
+    sources: &mut Sources,
     context: &mut Context<'_>,
     warnings: &mut Warnings,
 ) -> Result<(Mesh, DVec3), SceneError> {
@@ -97,7 +137,8 @@ pub(super) fn read(
             // Of several sets of an attribute the one with the lowest number is used.
             let Some(slot) = slot.filter(|slot| wanted[*slot] && set < sets[*slot]) else { return Ok(()) };
             sets[slot] = set;
-            attributes[slot] = Some(attribute(document, source, offset, slot == 0, context)?);
+            let source = sources.of(document, (source, slot == 0), context)?;
+            attributes[slot] = Some(Attribute { offset, source });
             Ok::<(), SceneError>(())
         };
         match input.attribute("semantic") {
@@ -123,8 +164,8 @@ pub(super) fn read(
         return Ok((builder.mesh, DVec3::ZERO));
     }
     let kind = element.name();
-    let counts = document.children(element, "vcount").next().filter(|_| kind == "polylist");
-    let counts = counts.map(|counts| counts.numbers::<u32>(context)).transpose()?;
+    let written = document.children(element, "vcount").next().filter(|_| kind == "polylist");
+    let counts = written.map(|counts| counts.numbers::<u32>(context)).transpose()?;
     let mut polygons: Vec<&Element<'_>> = document.children(element, "p").collect();
     let holed: Vec<&Element<'_>> = document.children(element, "ph").collect();
     if !holed.is_empty() {
@@ -158,10 +199,13 @@ pub(super) fn read(
             }),
             _ => fan(&corners).for_each(&mut draw),
         }
+        context.budget.give_back(list.size_of_numbers::<u32>());
     }
+    drop(counts);
+    context.budget.give_back(written.map_or(0, Element::size_of_numbers::<u32>));
     let Builder { attributes, mut mesh, triangles, lacking, .. } = builder;
     let [positions, ..] = &attributes;
-    let origin = positions.as_ref().map_or(DVec3::ZERO, |positions| positions.origin);
+    let origin = positions.as_ref().map_or(DVec3::ZERO, |positions| positions.source.origin);
     if bad > 0 {
         let what = "triangles with indices of positions out of range";
         warnings.add(file, what, "left out", || format!("{bad} in `{}`", mesh.name));
@@ -179,47 +223,51 @@ fn fan<'c, 'i>(corners: &'c [&'i [u32]]) -> impl Iterator<Item = [&'i [u32]; 3]>
     (2..corners.len()).map(|last| [corners[0], corners[last - 1], corners[last]])
 }
 
-/// Reads the numbers that a source's accessor describes, and checks that all of them exist. Positions far from 0 are read again,
-/// relative to an origin near them.
-fn attribute(
-    document: &Document<'_>,
-    source: u32,
-    offset: usize,
-    is_position: bool,
-    context: &mut Context<'_>,
-) -> Result<Attribute, SceneError> {
-    let file = context.file;
-    let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
-    let element = document.get(source);
-    let accessor = document.descend(element, &["technique_common", "accessor"]);
-    let accessor = accessor.ok_or_else(|| fail(element.wrong("the source has no accessor".to_owned())))?;
-    let array = accessor.attribute("source").and_then(|array| document.find(array)).map(|array| document.get(array));
-    let array = array.filter(|array| array.name() == "float_array");
-    let array = array.ok_or_else(|| fail(accessor.wrong("its `source` is no array of numbers".to_owned())))?;
-    let numbers = array.numbers::<f32>(context)?;
-    let (first, stride) = (accessor.count("offset", 0).map_err(fail)?, accessor.count("stride", 1).map_err(fail)?);
-    let count = accessor.count("count", 0).map_err(fail)?;
-    let end = count.checked_mul(stride).and_then(|length| length.checked_add(first));
-    if (stride == 0 && count > 0) || end.is_none_or(|end| end > numbers.len()) {
-        let what =
-            format!("{count} times {stride} values from {first} on are more than the {} that there are", numbers.len());
-        return Err(fail(accessor.wrong(what)));
-    }
-    let mut read = Attribute { offset, numbers, origin: DVec3::ZERO, first, stride, count };
-    if is_position {
-        context.take("the corners of a mesh", count, size_of::<Vec3>())?;
-        let points: Vec<Vec3> = (0..count).map(|index| Vec3::from(read.at(index as u32))).collect();
-        read.origin = bounds(&points).map_or(DVec3::ZERO, origin_for);
-    }
-    if read.origin != DVec3::ZERO {
-        for (number, exact) in array.numbers::<f64>(context)?.into_iter().enumerate().skip(first).take(count * stride) {
-            let axis = (number - first) % stride;
-            if axis < 3 {
-                read.numbers[number] = (exact - read.origin[axis]) as f32;
-            }
+impl Source {
+    /// Reads the numbers that a source's accessor describes, and checks that all of them exist. Positions far from 0 are read again,
+    /// relative to an origin near them.
+    fn read(
+        document: &Document<'_>,
+        (source, is_position): (u32, bool),
+        context: &mut Context<'_>,
+    ) -> Result<Self, SceneError> {
+        let file = context.file;
+        let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
+        let element = document.get(source);
+        let accessor = document.descend(element, &["technique_common", "accessor"]);
+        let accessor = accessor.ok_or_else(|| fail(element.wrong("the source has no accessor".to_owned())))?;
+        let array = accessor.attribute("source").and_then(|array| document.find(array));
+        let array = array.map(|array| document.get(array)).filter(|array| array.name() == "float_array");
+        let array = array.ok_or_else(|| fail(accessor.wrong("its `source` is no array of numbers".to_owned())))?;
+        let numbers = array.numbers::<f32>(context)?;
+        let (first, stride) = (accessor.count("offset", 0).map_err(fail)?, accessor.count("stride", 1).map_err(fail)?);
+        let count = accessor.count("count", 0).map_err(fail)?;
+        let end = count.checked_mul(stride).and_then(|length| length.checked_add(first));
+        if (stride == 0 && count > 0) || end.is_none_or(|end| end > numbers.len()) {
+            let there = numbers.len();
+            let what =
+                format!("{count} times {stride} values from {first} on are more than the {there} that there are");
+            return Err(fail(accessor.wrong(what)));
         }
+        let mut read = Self { numbers, origin: DVec3::ZERO, first, stride, count };
+        if is_position {
+            context.take("the corners of a mesh", count, size_of::<Vec3>())?;
+            let points: Vec<Vec3> = (0..count).map(|index| Vec3::from(read.at(index as u32))).collect();
+            read.origin = bounds(&points).map_or(DVec3::ZERO, origin_for);
+            context.budget.give_back(size_of_val(&points[..]) as u64);
+        }
+        if read.origin != DVec3::ZERO {
+            let exact = array.numbers::<f64>(context)?;
+            for (number, exact) in exact.into_iter().enumerate().skip(first).take(count * stride) {
+                let axis = (number - first) % stride;
+                if axis < 3 {
+                    read.numbers[number] = (exact - read.origin[axis]) as f32;
+                }
+            }
+            context.budget.give_back(array.size_of_numbers::<f64>());
+        }
+        Ok(read)
     }
-    Ok(read)
 }
 
 struct Builder {
@@ -246,7 +294,7 @@ impl Builder {
             for (index, attribute) in key.iter_mut().zip(&self.attributes) {
                 let Some(attribute) = attribute else { continue };
                 *index = corner[attribute.offset];
-                if *index as usize >= attribute.count {
+                if *index as usize >= attribute.source.count {
                     *index = NONE;
                     lacking += 1;
                 }
@@ -268,10 +316,10 @@ impl Builder {
         if vertex == next {
             let [positions, normals, texcoords, colors] = attributes;
             let [position, normal, texcoord, color] = key;
-            mesh.positions.extend(positions.iter().map(|list| Vec3::from(list.at(position))));
-            mesh.normals.extend(normals.iter().map(|list| Vec3::from(list.at(normal))));
-            mesh.texcoords.extend(texcoords.iter().map(|list| Vec2::from(list.at(texcoord))));
-            mesh.colors.extend(colors.iter().map(|list| Vec3::from(list.at(color)).extend(1.0)));
+            mesh.positions.extend(positions.iter().map(|list| Vec3::from(list.source.at(position))));
+            mesh.normals.extend(normals.iter().map(|list| Vec3::from(list.source.at(normal))));
+            mesh.texcoords.extend(texcoords.iter().map(|list| Vec2::from(list.source.at(texcoord))));
+            mesh.colors.extend(colors.iter().map(|list| Vec3::from(list.source.at(color)).extend(1.0)));
         }
         vertex
     }

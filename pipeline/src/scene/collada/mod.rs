@@ -15,7 +15,7 @@ use super::{Object, Scene};
 use crate::diagnostic::Warnings;
 use glam::{DMat4, DVec3};
 use material::Materials;
-use mesh::Meshes;
+use mesh::{Meshes, Sources};
 use std::path::Path;
 use xml::{Document, Element, plain};
 
@@ -195,12 +195,14 @@ impl Walk<'_, '_> {
         }
         let id = element.attribute("name").or(element.attribute("id")).unwrap_or_default();
         let name = plain(if name.is_empty() { id } else { name }).into_owned();
+        let mut sources = Sources::default();
         for primitive in materials {
             let known = self.meshes.known(primitive);
             let (mesh, origin) = match known {
                 Some(known) => known,
                 None => {
-                    let read = mesh::read(document, primitive, plain(id).into_owned(), context, &mut self.warnings)?;
+                    let name = plain(id).into_owned();
+                    let read = mesh::read(document, primitive, name, &mut sources, context, &mut self.warnings)?;
                     self.meshes.add(primitive, read, &mut self.scene.meshes)
                 }
             };
@@ -209,6 +211,7 @@ impl Walk<'_, '_> {
             self.scene.objects.push(Object { name: name.clone(), mesh, transform: exact.as_mat4() });
             self.places.push(exact);
         }
+        sources.give_back(context);
         Ok(())
     }
 
@@ -265,6 +268,8 @@ fn rows(numbers: &[f64]) -> DMat4 {
 
 fn exactly(element: &Element<'_>, count: usize, context: &mut Context<'_>) -> Result<Vec<f64>, SceneError> {
     let numbers = element.numbers::<f64>(context)?;
+    // The few numbers that a transform has are not counted while they are used.
+    context.budget.give_back(element.size_of_numbers::<f64>());
     if numbers.len() != count {
         let (at, what) = element.wrong(format!("{} numbers; valid: {count}", numbers.len()));
         return Err(SceneError::new(context.file, Place::Byte(at), what));

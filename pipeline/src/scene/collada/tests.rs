@@ -121,6 +121,14 @@ fn effects_are_materials() {
     assert_eq!((wall.texture, wall.shininess, wall.specular), (Some(0), 20.0, Vec4::new(0.5, 0.4, 0.3, 1.0)));
     assert!(glass.diffuse.distance(Vec4::new(0.1, 0.2, 0.3, 0.75)) < 1e-6, "{}", glass.diffuse);
     assert_eq!((glass.texture, glass.ior), (None, 1.4));
+    assert!((glass.transmission - 0.25).abs() < 1e-6 && (glass.veil - 0.75).abs() < 1e-6, "{glass:?}");
+    assert_eq!((wall.diffuse.w, wall.transmission), (1.0, 0.0));
+    // A transparency of 1 is taken for an opacity.
+    let whole = HOUSE.replace("<transparency><float>0.25", "<transparency><float>1");
+    let scene = load_text(&whole, Needs::ALL, 1 << 24).expect("it loads");
+    let glass = &scene.materials[1];
+    assert_eq!((glass.diffuse.w, glass.transmission, glass.veil), (1.0, 0.0, 1.0));
+    assert!(warnings(&scene).contains("transparency would make invisible"), "{}", warnings(&scene));
     // COLLADA 1.5 names the image in the sampler, and its file in an element of its own.
     let newer = HOUSE
         .replace("<source>su</source>", "<instance_image url=\"#im\"/>")
@@ -213,6 +221,19 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
     for end in (0..HOUSE.len()).step_by(7) {
         _ = load_text(&HOUSE[..end], Needs::ALL, 1 << 24);
     }
+}
+
+#[test]
+fn the_numbers_of_a_source_are_held_once_for_all_primitives_of_a_mesh() {
+    // The accessor does not count the further numbers.
+    let long = HOUSE.replace("50 0 300<", &format!("50 0 300{}<", " 0".repeat(60_000)));
+    let triangles = HOUSE.lines().find(|line| line.contains("<triangles")).expect("a line");
+    let many = long.replace(triangles, &triangles.repeat(200));
+    let scene = load_text(&many, Needs::ALL, 4 << 20).expect("it loads");
+    // The polygons and 200 times the triangles, with two bindings of materials.
+    assert_eq!((scene.meshes.len(), scene.objects.len()), (2 * 201, 3 * 201));
+    let [wall, glass] = [0, 1].map(|mesh: usize| &scene.meshes[mesh].positions);
+    assert_eq!((wall.len(), glass.len()), (5, 3));
 }
 
 /// Programs on Windows write a byte order mark.

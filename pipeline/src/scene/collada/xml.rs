@@ -174,9 +174,15 @@ impl<'a> Element<'a> {
         (self.at, format!("<{}>: {what}", self.name))
     }
 
-    /// The numbers of the element's text. A word that is not a number is an error.
+    /// The most bytes that the numbers of the element's text take.
+    pub(super) fn size_of_numbers<T>(&self) -> u64 {
+        (self.text.len() as u64 / 2 + 1) * size_of::<T>() as u64
+    }
+
+    /// The numbers of the element's text. A word that is not a number is an error. [`Self::size_of_numbers`] is booked; the caller gives it
+    /// back when the numbers are dropped.
     pub(super) fn numbers<T: std::str::FromStr>(&self, context: &mut Context<'_>) -> Result<Vec<T>, SceneError> {
-        context.take("the numbers of an element", self.text.len() / 2 + 1, size_of::<T>())?;
+        context.budget.take(context.file, "the numbers of an element", self.size_of_numbers::<T>())?;
         let read = |word: &str| {
             word.parse().map_err(|_| {
                 let word: String = word.chars().take(20).collect();

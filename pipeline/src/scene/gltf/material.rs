@@ -5,7 +5,7 @@ use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
 use super::super::reflectance::Reflectance;
 use super::super::render::alphas::{self, Alphas, BLENDED, CUT_WITHOUT_GLASS, alphas};
-use super::super::render::texture::NO_NORMAL_MAP;
+use super::super::render::texture::{NO_GLASS_MAP, NO_NORMAL_MAP};
 use super::super::texture::{Magnification, Sampling, Wrap};
 use super::super::{Material, TextureSource};
 use super::accessor::Data;
@@ -16,6 +16,7 @@ use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::MagFilter, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Transform from a primitive's texture coordinates to those of its material's texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -254,8 +255,8 @@ fn is_veil(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_none_or(|extensions| extensions.transmission.is_none())
 }
 
-/// Distributions of alpha, by texture name and opacity; `None` for a texture that cannot be read.
-type Spread = HashMap<(String, u16), Option<Alphas>>;
+/// Distributions of alpha, by image of the asset and opacity; `None` for an image that cannot be read.
+type Spread = HashMap<(Option<usize>, u16), Option<Alphas>>;
 
 /// The opacity of a material as a factor of its texture's alpha, in 65,535ths.
 fn opacity(written: &json::Material) -> u16 {
@@ -276,6 +277,11 @@ fn blended_alphas(
         return Ok(None);
     }
     let Some(info) = &written.pbr_metallic_roughness.base_color_texture else { return Ok(None) };
+    let key = (data.root.textures.get(info.index.value()).map(source_of), opacity(written));
+    if let Some(found) = spread.get(&key) {
+        return Ok(*found);
+    }
+    let before = context.budget.clone();
     let source = if context.needs.textures {
         image(info, data, images, (name, NO_TEXTURE), context, warnings)?
     } else {
@@ -283,12 +289,14 @@ fn blended_alphas(
         let (mut unsaid, mut unkept) = (Warnings::default(), vec![None; images.len()]);
         image(info, data, &mut unkept, (name, NO_TEXTURE), context, &mut unsaid)?
     };
-    let Some(source) = source else { return Ok(None) };
-    let key = (source.name(), opacity(written));
-    if let Some(found) = spread.get(&key) {
-        return Ok(*found);
+    let found = match &source {
+        Some(source) => alphas(source, opacity(written), (context.file, context.budget))?,
+        None => None,
+    };
+    if !context.needs.textures {
+        // The image is not kept, so its memory is given back.
+        *context.budget = before;
     }
-    let found = alphas(&source, opacity(written), (context.file, context.budget))?;
     spread.insert(key, found);
     Ok(found)
 }
@@ -301,8 +309,8 @@ fn is_blended_pane(written: &json::Material) -> bool {
     is_even(written) && written.extensions.as_ref().is_some_and(thin)
 }
 
-/// The transmission texture of glass, if the load needs it. For an evenly blended pane the texture is not read, since it multiplies only
-/// the share of the glass and not the gaps, whose share is 1 - alpha.
+/// The transmission texture of glass, if the load needs it; `None` for an evenly blended pane. The texture may dim only the light that
+/// passes through the glass, but the pane's transmission also contains the light that passes unchanged (1 - alpha).
 fn transmission_texture<'a>(written: &'a json::Material, context: &Context<'_>) -> Option<&'a json::texture::Info> {
     let transmission = written.extensions.as_ref()?.transmission.as_ref()?;
     let wanted = context.needs.textures && context.needs.glass_maps;
@@ -529,8 +537,6 @@ fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Resu
 
 /// Remedy in warnings about a missing colour texture.
 const NO_TEXTURE: &str = "the diffuse colour serves";
-/// Remedy in warnings about a missing texture of glass.
-const NO_GLASS_MAP: &str = "the factor alone serves";
 
 /// A normal texture in the form of other textures; the crate `gltf` leaves its extensions unparsed.
 fn normal_info(map: &json::material::NormalTexture) -> Result<json::texture::Info, String> {
@@ -625,8 +631,10 @@ fn image(
                 texture_file_or(context, &path, warnings, (material, remedy)).map(TextureSource::File)
             }
             Ok(Target::Data(text)) => {
-                context.take("an embedded image", text.len(), 1)?;
-                let bytes = base64(text);
+                // The decoded bytes are copied once, to where they are shared.
+                context.take("an embedded image", text.len(), 2)?;
+                let bytes = base64(text).map(Arc::<[u8]>::from);
+                context.budget.give_back(text.len() as u64);
                 if bytes.is_none() {
                     missing(warnings, format!("image {index} is not valid base64"));
                 }
@@ -640,7 +648,7 @@ fn image(
         (None, Some(view)) => {
             let bytes = data.view(view).map_err(|what| SceneError::file(file, format!("image {index}: {what}")))?;
             context.take("an embedded image", bytes.len(), 1)?;
-            Some(TextureSource::Embedded { name: name(), bytes: bytes.to_vec() })
+            Some(TextureSource::Embedded { name: name(), bytes: bytes.into() })
         }
         (None, None) => {
             missing(warnings, format!("image {index} has no data"));

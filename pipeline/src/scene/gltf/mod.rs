@@ -177,7 +177,7 @@ impl Assembler<'_> {
         }
         let (first, moved) = &self.placed[&key];
         // Every node may place every primitive: that can be far more objects than the file has bytes.
-        context.take("the objects", moved.len(), size_of::<Object>() + name.len())?;
+        context.take("the objects", moved.len(), size_of::<Object>() + size_of::<DMat4>() + name.len())?;
         for (mesh, moved) in (*first..).zip(moved) {
             let (transform, exact) = if *moved { (Mat4::IDENTITY, DMat4::IDENTITY) } else { (transform, exact) };
             self.scene.objects.push(Object { name: name.clone(), mesh, transform });

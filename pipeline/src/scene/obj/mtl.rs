@@ -9,7 +9,7 @@ use super::super::context::{
 };
 use super::super::error::SceneError;
 use super::super::render::alphas::{self, Alphas, BLENDED, CUT_WITHOUT_GLASS};
-use super::super::render::texture::{NO_NORMAL_MAP, image_has_alpha, is_cut_out};
+use super::super::render::texture::{NO_GLASS_MAP, NO_NORMAL_MAP, image_has_alpha, is_cut_out};
 use super::super::texture::Wrap;
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
@@ -311,19 +311,16 @@ impl Library {
         let others = [&written.map_kd, &written.norm].into_iter().flatten();
         if others.into_iter().any(|other| other.coordinates() != map.coordinates()) {
             let what = "roughness textures with coordinates of their own";
-            warnings.add(context.file, what, NO_ROUGHNESS_MAP, || format!("`{}`", material.name));
+            warnings.add(context.file, what, NO_GLASS_MAP, || format!("`{}`", material.name));
             return;
         }
-        if let Some(path) = texture_file_or(context, &map.file, warnings, (&material.name, NO_ROUGHNESS_MAP)) {
+        if let Some(path) = texture_file_or(context, &map.file, warnings, (&material.name, NO_GLASS_MAP)) {
             let source = TextureSource::File(path).wrapped(map.wrap()).data();
             material.roughness_texture = Some(add_texture(&mut self.textures, source));
             material.roughness = written.pr.unwrap_or(1.0).clamp(0.0, 1.0);
         }
     }
 }
-
-/// Remedy in warnings about a missing roughness map.
-const NO_ROUGHNESS_MAP: &str = "the factor alone serves";
 
 /// The share of light that enters. The illumination models 4, 6, 7 and 9 are glass: the share is the transmission filter `Tf`,
 /// or else `1 - d`, or else 1. Other models are glass as far as `d` is below 1; their `Tf` is ignored, since exporters write

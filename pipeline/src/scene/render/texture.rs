@@ -11,6 +11,7 @@ use crate::guard;
 use crate::image::decode::{Encoded, Fault, rgba8};
 use image::{ImageDecoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
@@ -19,6 +20,8 @@ const MAX_SIDE: u32 = 16_384;
 
 /// Remedy in warnings about a missing normal map.
 pub(in crate::scene) const NO_NORMAL_MAP: &str = "the normals of the vertices serve";
+/// Remedy in warnings about a missing texture of glass: of its roughness or its transmission.
+pub(in crate::scene) const NO_GLASS_MAP: &str = "the factor alone serves";
 
 /// Decodes the textures that materials use, and renumbers the references to them. A texture that cannot be decoded is counted as a
 /// warning and removed from its materials.
@@ -73,7 +76,8 @@ pub(super) fn decode_used(
 
     let mut textures = Vec::new();
     let mut new_index = vec![None; sources.len()];
-    for ((source, decoded), new_index) in sources.iter().zip(decoded).zip(&mut new_index) {
+    let normal_maps: HashSet<u32> = materials.iter().filter_map(|material| material.normal_texture).collect();
+    for (((index, source), decoded), new_index) in (0_u32..).zip(sources).zip(decoded).zip(&mut new_index) {
         match decoded {
             Some(Ok(texture)) => {
                 *new_index = Some(textures.len() as u32);
@@ -83,7 +87,15 @@ pub(super) fn decode_used(
                 return Err(SceneError::file(file, format!("the texels of {}: {refused}", source.name())));
             }
             Some(Err(Fault::Broken(why))) => {
-                let remedy = if source.is_data() { NO_NORMAL_MAP } else { "the diffuse colour serves" };
+                let remedy = if !source.is_data() {
+                    "the diffuse colour serves"
+                } else if source.is_clear() {
+                    "their materials are opaque"
+                } else if normal_maps.contains(&index) {
+                    NO_NORMAL_MAP
+                } else {
+                    NO_GLASS_MAP
+                };
                 warnings.add(file, "textures that cannot be decoded", remedy, || format!("{}: {why}", source.name()))
             }
             None => {}
@@ -170,9 +182,10 @@ fn length(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |metadata| metadata.len())
 }
 
-/// Pixel formats of more than four bytes are decoded as they are and narrowed in place. In addition a decoder keeps the file's
-/// bytes and, for progressive JPEG, a coefficient of 2 bytes for each value, or, for WebP and TIFF of one strip, a whole picture.
-/// Other decoders keep rows and tables; 1 MiB is counted for them.
+/// The memory that decoding takes. Pixels of more than four bytes are decoded as they are and then narrowed in place. A JPEG decoder also
+/// keeps the file's bytes and, if the file is progressive, a coefficient of 2 bytes for each value. A WebP decoder also keeps the file's
+/// bytes and up to 8 bytes a texel. A TIFF decoder may keep a whole picture (in a file of one strip). For the rows and tables of every
+/// decoder 1 MiB is counted.
 fn cost_of((decoder, format): (impl ImageDecoder, ImageFormat), file: u64) -> Result<Cost, String> {
     let (width, height) = within_limits(decoder.dimensions())?;
     let (texels, stored) = (u64::from(width) * u64::from(height), decoder.total_bytes());
@@ -304,7 +317,7 @@ pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'st
     if let TextureSource::Embedded { bytes, .. } = source.texels().0 {
         let format = guard::call("image", || image::guess_format(bytes))?.map_err(|error| error.to_string())?;
         let extension = format.extensions_str().first().copied().unwrap_or("png");
-        return Ok((bytes.clone(), extension));
+        return Ok((bytes.to_vec(), extension));
     }
     cost(source)?;
     let mut png = Cursor::new(Vec::new());
