@@ -26,7 +26,7 @@ use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, TextureLod};
 use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
 use rayon::prelude::*;
-use std::cell::RefCell;
+use std::cell::Cell;
 use std::sync::Arc;
 
 const NAME: &str = "cpu";
@@ -49,7 +49,7 @@ pub struct CpuRays {
 }
 
 impl Structure {
-    /// The structure of a scene; arguments and the meaning of `None` are those of [`RayBackend::build_until`].
+    /// The structure of a scene; `None` if `progress` was cancelled. The arguments are those of [`RayBackend::build_until`].
     pub(crate) fn build_until(scene: &RenderScene, filtered: &[bool], progress: &Progress) -> Option<Self> {
         let triangles = Bvh::build_until(&scene.geometry, filtered, Quality::default(), progress)?;
         Some(Self { triangles, spheres: SphereTree::build(&scene.geometry, filtered) })
@@ -538,7 +538,15 @@ fn runs_of_tiles(image: &mut Image, tiles: usize) -> Vec<Rows<'_>> {
 thread_local! {
     /// Buffers for the tiles of this thread, kept from frame to frame. The buffers are on the heap: a thread that waits for other threads may run
     /// the tiles of other threads on its own stack, nested many deep.
-    static WORKSPACE: RefCell<Box<Workspace>> = RefCell::default();
+    static WORKSPACE: Cell<Option<Box<Workspace>>> = const { Cell::new(None) };
+}
+
+/// Runs `task` with the buffers of this thread. A task that waits for other threads may be given another task meanwhile, which gets new buffers.
+fn with_workspace<R>(task: impl FnOnce(&mut Workspace) -> R) -> R {
+    let mut work = WORKSPACE.take().unwrap_or_default();
+    let result = task(&mut work);
+    WORKSPACE.set(Some(work));
+    result
 }
 
 fn each_tile(
@@ -552,7 +560,7 @@ fn each_tile(
     progress.start((width.div_ceil(TILE) * height.div_ceil(TILE)) as u64);
     let each = |index: usize, run: &mut Rows<'_>| {
         let corner = (index % across * tiles * TILE, index / across * TILE);
-        WORKSPACE.with_borrow_mut(|work| run_of_tiles(work, (width, height), corner, run, progress, &tile, &pixel))
+        with_workspace(|work| run_of_tiles(work, (width, height), corner, run, progress, &tile, &pixel))
     };
     in_parallel(&mut runs, &each)
 }

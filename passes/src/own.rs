@@ -29,8 +29,10 @@ pub struct At<'a> {
 /// the function.
 ///
 /// The replaced program decides what the pass may read ([`RayProgram::info`]). For example, `final` has position,
-/// normal and colour; `dummy` has the colour alone, and a tracer that may be of an empty scene. The plan, the other passes and the parameters are
-/// those of the project.
+/// normal and colour; `dummy` has the colour alone. The plan, the other passes and the parameters are those of the project.
+///
+/// Where the replaced program would trace no ray ([`may_trace`](crate::cpu::may_trace)), for example `dummy` or `ssao` with `samples=0`,
+/// no structure may have been built. The tracer is then that of an empty scene.
 ///
 /// Scenes with exact spheres are refused, because the function gets only triangles.
 ///

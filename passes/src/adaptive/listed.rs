@@ -1,4 +1,5 @@
-//! Paths that a device follows: each is a pixel of a picture whose G-buffer repeats that of the path's own pixel.
+//! Paths that a device follows. Each path is one pixel of a picture that is made for the purpose. The G-buffer entries of that pixel are
+//! copies of those of the path's own pixel.
 
 use super::allocation::Sampled;
 use super::rounds::{FollowPaths, WAYS, each_path, sample, stochastic};
@@ -14,7 +15,8 @@ use std::time::Duration;
 /// Width in pixels of the pictures whose pixels are paths.
 const WIDTH: u32 = 256;
 
-/// Number of paths from which a picture is handed to the device. It has a few more: those of one pixel are not divided.
+/// A picture is handed to the device once it has this many paths. It may have more, because the paths that a round adds to one pixel are
+/// all put into one picture.
 const PATHS: usize = 1 << 16;
 
 /// Which ways of a path a device program follows.
@@ -46,8 +48,8 @@ impl<'a> Sampling<'a> {
     }
 }
 
-/// Runs a job on a device whose glass is sampled to the error `asked`. `run` runs a job whose parameters ask for no error, and follows the ways
-/// that it is told. `refused` is the error where host memory is not enough. The G-buffer must be in host memory.
+/// Runs on a device a job whose glass is sampled to the error `asked`. `run` runs a job whose parameters ask for no error, and follows the
+/// ways that its [`Sampling`] states. `refused` makes the error if host memory is not enough. The G-buffer must be in host memory.
 ///
 /// # Errors
 /// Those of `run`, and `refused`.
@@ -58,7 +60,7 @@ pub fn sample_on_device(
     run: &mut dyn FnMut(&RayJob<'_>, Sampling<'_>, &mut Image) -> Result<RayStats, BackendError>,
     refused: &dyn Fn(Refused) -> BackendError,
 ) -> Result<RayStats, BackendError> {
-    // A launch takes as many pixels as the number of paths of each lets it.
+    // The more `paths` a job asks for, the fewer pixels a backend puts into a launch. Here a path has `WAYS` ways at most.
     let params = RayParams { error: 0.0, paths: WAYS, ..job.params };
     let job_of_paths = RayJob { params, ..*job };
     let mut device =
@@ -76,7 +78,7 @@ struct Device<'d, 'j> {
     stats: RayStats,
 }
 
-/// A picture whose pixels are paths, each as long as `paths`.
+/// A picture whose pixels are paths. Every list has one entry for each path.
 #[derive(Debug, Default)]
 struct Picture {
     position: Vec<[f32; 4]>,
@@ -84,7 +86,7 @@ struct Picture {
     color: Vec<[f32; 4]>,
     triangle: Vec<u32>,
     ways: Vec<[u32; 4]>,
-    /// Of each path, the place of its pixel in the list of pixels, the half, and the number of ways.
+    /// For each path: the place of its pixel in the list of pixels, the half, and the number of ways.
     paths: Vec<(usize, u32, u32)>,
 }
 

@@ -49,7 +49,7 @@ pub trait FollowPaths {
     ) -> Result<(), BackendError>;
 }
 
-/// Samples all pixels to this error, and returns what was spent. A pixel has at most `most_paths` paths.
+/// Samples all pixels to the error `error_asked`, and returns what was spent. A pixel has at most `most_paths` paths, or 4 if that is less.
 ///
 /// # Errors
 /// Those of `backend`.
@@ -108,8 +108,8 @@ pub fn stochastic(output: &Image, met: impl Fn(usize) -> Met) -> Result<Vec<Samp
     Ok(pixels)
 }
 
-/// Visits the paths of a pixel that must be followed until each half has `count`, some at once: the half, the number of the first way, and the
-/// number of ways. A pixel that has as many is left alone.
+/// Calls `visit` with paths of a pixel until each half has `count` paths: with the half, the number of the first way, and the number of
+/// ways, which are followed together. A pixel whose halves have `count` paths or more is left alone.
 pub fn each_path(pixel: &mut Sampled, count: u32, mut visit: impl FnMut(&mut Sampled, u32, u32, u32)) {
     if count <= pixel.count {
         return;

@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::{NAME, Rows, WORKSPACE, Whole, alone, before, check, each_tile, in_host, new_pass};
+use super::{NAME, Rows, Whole, alone, before, check, each_tile, in_host, new_pass, with_workspace};
 use crate::adaptive::{FollowPaths, Sampled, each_path, stochastic};
 use crate::effects::dielectric::{Met, Sample};
 use crate::effects::{AlphaTested, Area, ByCones, Coverage, Pass, Pixel, Workspace, combined, refraction};
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 /// Pixels that a thread takes at a time.
 const PIXELS: usize = 16;
 
-/// Runs a job whose glass is sampled to this error.
+/// Runs a job whose glass is sampled to the error `asked`.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] if the job lacks something that its program reads, or if there is not enough memory.
@@ -82,7 +82,8 @@ fn sample<T: Tracer, C: Sync>(
     Ok(RayStats { rays, adaptive: Some(spent), ..RayStats::default() })
 }
 
-/// The paths of a pass. `follow` returns the mean colour of some ways of a pixel and a half, and the stochastic events that they met.
+/// The paths of a pass. `follow` takes a pixel, a half, the number of the first way and the number of ways. It returns the mean colour of
+/// these ways, and the stochastic events that they met.
 struct Paths<'p, 'a, P, F> {
     job: &'p RayJob<'a>,
     progress: &'p Progress,
@@ -122,7 +123,7 @@ where
             }
             let (at, width) = (pixel.index, self.job.width);
             let at = Pixel { x: at % width, y: at / width, index: at as usize };
-            WORKSPACE.with_borrow_mut(|work| {
+            with_workspace(|work| {
                 work.begin();
                 each_path(pixel, count, |pixel, half, first, ways| {
                     let (color, met) = (self.follow)(at, half, first, ways, work);

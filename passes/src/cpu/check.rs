@@ -1,5 +1,7 @@
 //! Checks that a job has everything that its program reads, so that no pixel needs to check.
 
+use crate::adaptive::asked;
+use crate::effects::dielectric::shoots_photons;
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::glass::GlassShadow;
@@ -64,7 +66,7 @@ pub fn filter(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErro
 /// # Errors
 /// [`BackendError::Unsupported`] that names `backend`.
 pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    match job.program.sampled_to(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
+    match asked(job) {
         None => Ok(()),
         Some(error) => {
             let why = format!(
@@ -80,15 +82,12 @@ pub fn adaptive(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendEr
 /// # Errors
 /// [`BackendError::Unsupported`] that names `backend`.
 pub fn photons(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    match job.program.photons(&job.params) {
-        _ if job.fidelity == Fidelity::Thesis => Ok(()),
-        0 => Ok(()),
-        photons => {
-            let why =
-                format!("photons={photons} are shot for all of the picture, and one pixel is asked for: set photons=0");
-            Err(missing(backend, job, &why))
-        }
+    if !shoots_photons(job) {
+        return Ok(());
     }
+    let photons = job.params.photons;
+    let why = format!("photons={photons} are shot for all of the picture, and one pixel is asked for: set photons=0");
+    Err(missing(backend, job, &why))
 }
 
 /// Refuses texture lookups that are filtered by ray cones, for a backend that has none.

@@ -10,9 +10,9 @@ use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::memory;
 use curitiba_pipeline::scene::Geometry;
 
-/// Finds the spheres that focus light in a scene, and shoots photons at its glass meshes, on the processor. Photons are traced in the processor's
-/// tree. By tracing there it is also found whether a sphere lies in a body of triangles, which then does not focus light. The tree is built for the
-/// first job that needs it.
+/// Finds the spheres that focus light in a scene, and shoots photons at its glass meshes, on the processor. Photons are traced in the
+/// processor's tree. Tracing there also finds the spheres that lie in a body of triangles; such spheres do not focus light. The tree is
+/// built for the first job that needs it.
 #[derive(Default)]
 pub struct FindsFocused {
     filtered: Vec<bool>,

@@ -11,7 +11,8 @@ pub const SHADOWED: f32 = 0.5;
 pub const THROUGH_GLASS: f32 = 0.9;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    /// Whether the light is visible from `origin`, which must be offset from its surface: `stops` is true for no hit in between.
+    /// Whether the light is visible from `origin`: there is no hit on the way to the light for which `stops` is true. `origin` must be
+    /// offset from its surface.
     pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
         self.announce_visibility(Purpose::Shadow, 1.0);
         !self.tracer.occluded(&self.light_ray(origin), stops)

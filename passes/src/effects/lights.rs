@@ -109,9 +109,9 @@ pub(super) struct Asked<'s> {
 /// The rays from a point to a light.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Way<'p> {
-    /// From one direction.
+    /// One ray, to a light without a disc.
     Ray(Ray),
-    /// From a disc.
+    /// Rays to the disc of a directional light.
     Disc(Disc<'p>),
 }
 
@@ -122,7 +122,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         !self.job.lights.is_empty()
     }
 
-    /// As [`Self::lit_color`], of a surface that a ray hits, in the light of all lights.
+    /// The colour of a surface that a ray hits, in the light of all lights of the pass; with a single directional light,
+    /// [`Self::lit_color`].
     pub(super) fn met_color(&self, hit: &Hit, footprint: impl Footprint, surface: &Surface) -> Vec3 {
         if !self.has_lights() {
             return self.lit_color(hit, footprint, surface.normal);

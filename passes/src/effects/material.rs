@@ -59,8 +59,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         if bent && !self.vertices_face(hit, normal, to_light) { 0.0 } else { to_light.dot(normal).max(0.0) }
     }
 
-    /// What a light of intensity 1 at a cosine of 1 adds to the colour of a triangle or sphere, without [`AMBIENT`], in units of its texture or
-    /// diffuse colour.
+    /// The light that a triangle or sphere reflects of a light of intensity 1 at a cosine of 1, without [`AMBIENT`]. The unit is the colour
+    /// of the texture, or the diffuse colour where there is no texture.
     pub(super) fn tint(&self, id: u32) -> Vec3 {
         let shade = &self.job.shades[self.material_of(id) as usize];
         let textured = shade.texture.is_some() && self.sphere(id).is_none();

@@ -23,7 +23,7 @@
 //! - `reflection` declares `MAX_DEPTH` and reads `MAXDEPTH`; both are the parameter `depth`.
 //! - `reflection` does not dim secondary bounces; `refraction` and `final` do, by 0.99, but not at total reflection.
 //!   `corrected` does not dim them in `reflection` either; in the other two it dims every secondary bounce.
-//! - `refraction` and `final` trace a refracted ray at secondary glass and drop its colour. Its rays are not traced here:
+//! - `refraction` and `final` trace a refracted ray at secondary glass and drop its colour. Such rays are not traced here:
 //!   the picture is the same, the ray count lower than the report's. Whether refraction is possible still decides the 0.99.
 //! - `final` never sets the payload's value before its first shadow ray. Every ray ends in an opaque hit (0.5) or a miss
 //!   (1), which set it, so nothing undefined is seen.

@@ -70,7 +70,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         Neighbourhood { origins, above, t_min, t_max: self.job.params.radius, rays }
     }
 
-    /// The number of chosen directions in which no hit stops the ray. Rays start at `origin`. Hits below the plane with
+    /// The number of directions in `work` in which no hit stops the ray. Rays start at `origin`. Hits below the plane with
     /// normal `above`, and hits nearer than `t_min`, do not count.
     fn count_open(
         &self,
@@ -118,7 +118,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The light's share at a surface in `final`: [`SHADOWED`] where the side of normal `facing` faces away or
     /// something opaque is in the way, else 0.9 for each glass surface on the way. For a disc it is the mean over the
-    /// disc's points for `key`. `triangle` is the surface's.
+    /// disc's points for `key`. `triangle` is the id of the surface's triangle or sphere.
     pub(super) fn light_share(
         &self,
         surface: &Surface,

@@ -11,7 +11,8 @@ use glam::DVec3;
 pub(super) const BOUNCE: f64 = 0.99;
 
 impl Sample<'_, '_> {
-    /// The mirror of `reflection`: a chain of mirror rays from glass to glass, black at the first glass hit after `depth` further ones.
+    /// The mirror of `reflection`: a chain of mirror rays from glass to glass. It goes on at `depth` further surfaces of glass at most; the
+    /// next one is black.
     pub(super) fn mirror(&self, pass: &Traced<'_>, seen: &Surface, direction: DVec3) -> DVec3 {
         let (world, look) = (self.world, &pass.look);
         let (mut surface, mut direction) = (*seen, direction);

@@ -92,10 +92,14 @@ impl Traced<'_> {
         }
         let focuses =
             |sphere: &Sphere| look.dielectrics.get(sphere.material as usize).is_some_and(Dielectric::bends_light);
-        (params.shadow == GlassShadow::Caustic && spheres.iter().any(focuses)).then(|| {
-            "light that exact spheres focus (shadow=caustic) has no reference of the picture: set shadow=straight"
-                .to_owned()
-        })
+        let what = if params.shadow == GlassShadow::Caustic && spheres.iter().any(focuses) {
+            "exact spheres focus (shadow=caustic)".to_owned()
+        } else if program.photons(params) > 0 && look.dielectrics.iter().any(Dielectric::bends_light) {
+            format!("photons bring (photons={})", params.photons)
+        } else {
+            return None;
+        };
+        Some(format!("light that {what} has no reference of the picture: set shadow=straight"))
     }
 }
 

@@ -21,7 +21,7 @@
 //! | samples of `glass=auto` | four facets of the first rough surface, and eight wavelengths |
 //! | exact spheres | intersected directly |
 //! | soft shadows | four directions to the disc of a light for a sample; its sequence continues from sample to sample |
-//! | rays from the camera, light that exact spheres focus (`shadow=caustic`) | [not known](Traced::unsupported) |
+//! | rays from the camera, light that exact spheres focus or photons bring (`shadow=caustic`) | [not known](Traced::unsupported) |
 //!
 //! May use: `trace` (the tree in `f64`, [`Double`](crate::trace::Double), alone).
 

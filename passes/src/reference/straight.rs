@@ -11,7 +11,8 @@ use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
 use glam::{DVec3, DVec4, Vec3};
 
 impl Traced<'_> {
-    /// Whether light falls straight through glass. Where no sphere focuses light, `shadow=caustic` is straight, too.
+    /// Whether light falls straight through glass. `shadow=caustic` counts as straight, too; [`Self::unsupported`] refuses it where exact
+    /// spheres focus light.
     pub(super) fn is_straight(&self) -> bool {
         matches!(self.params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && !self.look.dielectrics.is_empty()
     }

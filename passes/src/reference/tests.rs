@@ -5,7 +5,7 @@ mod glass;
 use super::{Camera, Job, Look, ReferenceError, Seen, Traced, Value, render};
 use curitiba_pipeline::backend::{Cone, Light, Shade, Sun};
 use curitiba_pipeline::executor::Cancellation;
-use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
+use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use curitiba_pipeline::progress::Progress;
@@ -453,4 +453,8 @@ fn what_it_cannot_do_is_refused_and_it_can_be_given_up() {
     let focuses = refused(RayProgram::Final, caustic, &bodies, &[sphere(0), sphere(1)]);
     assert!(focuses.is_some_and(|why| why.contains("shadow=straight")));
     assert_eq!(refused(RayProgram::Final, caustic, &bodies, &[sphere(0), sphere(2)]), None, "they bend nothing");
+    let shot = RayParams { photons: 1000, glass: GlassRule::Auto, ..caustic };
+    assert!(refused(RayProgram::Final, shot, &bodies, &[]).is_some_and(|why| why.contains("photons=1000")));
+    let flat = look(&table[..1], &[true]);
+    assert_eq!(refused(RayProgram::Final, shot, &flat, &[]), None, "photons are shot at nothing");
 }

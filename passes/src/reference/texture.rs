@@ -4,7 +4,7 @@ use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use glam::{DVec2, DVec4};
 
-/// The texture's value at `uv`, bilinear between the centres of four texels of level 0, or that of the texel that holds the point
+/// The texture's value at `uv`: bilinear between the centres of four texels of level 0, or the value of the texel that holds the point
 /// (Vulkan 1.3, section 16.6).
 /// Coarser levels are not read, because the samples of a pixel filter the texture.
 pub(super) fn texel(texture: &Texture, uv: DVec2) -> DVec4 {

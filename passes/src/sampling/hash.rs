@@ -80,7 +80,7 @@ pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
 /// The key of the photons that are shot at one of a scene's targets, in run number `round` of the sequence.
 #[must_use]
 pub fn photon_key(target: u32, round: u32, seed: u32) -> u32 {
-    // One word holds both target and round: there are few targets, and a round has 2^32 photons.
+    // One word holds both target and round, because both are small: there are few targets, and a round has 2^32 photons.
     pcg4d([target ^ round.rotate_left(16), seed, 0, PHOTON])[3]
 }
 

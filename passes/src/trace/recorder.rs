@@ -125,7 +125,7 @@ impl<'a, T: Tracer> Recorder<'a, T> {
             if !self.geometry.sky.contains(hit.triangle) {
                 return Some(hit);
             }
-            left.t_min = hit.t.next_up();
+            left.t_min = hit.t;
         }
     }
 

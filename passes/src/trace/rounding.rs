@@ -35,8 +35,8 @@ pub(crate) const FAR: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;
 
 // Volumes that all rays of a group stay in (see `tree/volumes.rs`).
 
-/// Error of the height of a point above a plane, relative to the absolute values of the products in its sum: four operations deep, each off
-/// by at most half a unit in the last place of a term.
+/// Error of the height of a point above a plane, relative to the sum of the absolute values of the three products that add up to the
+/// height. The addition is four operations deep, each off by at most half a unit in the last place of a term.
 pub(crate) const SIDE_ERROR: f32 = 8.0 * UNIT_ROUNDOFF;
 /// Factor by which the radius of a bounding ball is grown.
 pub(crate) const BALL_MARGIN: f32 = 1.0 + 1.0e-4;
@@ -118,11 +118,12 @@ pub(crate) const OFFSET_UNITS: f32 = 32.0;
 /// rounding of the point, of the ray's origin, and of the centre relative to that origin. Of 240,000 rays over twelve combinations of size
 /// and place, along the surface and off it, none met the sphere that it left.
 pub(crate) const SPHERE_OFFSET: f32 = 4.0;
-/// Error of the triangle test for each unit of distance to the farthest corner, counted like the units of [`OFFSET_UNITS`]. The test uses
-/// corners relative to the ray's origin, so it errs even where the coordinates along the normal are exactly 0.
+/// Share of the distance to the farthest corner that is added to a point's rounding error before [`OFFSET_UNITS`] multiplies the sum. It
+/// stands for the error of the triangle test. The test uses corners relative to the ray's origin, so it errs even where the coordinates
+/// along the normal are exactly 0.
 pub(crate) const OFFSET_REACH: f64 = 0.5;
-/// Distance that ray origins keep from the borders of their triangle, in units of the point's rounding error along its worst axis. Another
-/// surface that stands on a border is then in front of a ray that goes to it, not behind its origin or through it.
+/// Distance that ray origins keep from the borders of their triangle, in units of the point's rounding error along its worst axis. Without
+/// this distance, another surface that stands on a border could pass through the origin, or lie behind the origin of a ray that goes to it.
 pub(crate) const OFFSET_MARGIN: f64 = 32.0;
 
 // Estimates of ray origins (see `parallel/estimate.rs`).

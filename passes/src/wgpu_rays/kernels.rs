@@ -90,8 +90,8 @@ impl Kernels {
     }
 }
 
-/// Compiles a WGSL source with the entry `main`, whose parameters are declared as uniform. Without a layout, the layout is derived from what the
-/// entry uses.
+/// Compiles a WGSL source with the entry `main`. The source declares its parameters as uniform; for devices that need it, the declaration
+/// is changed to a storage buffer. Without a layout, the layout is derived from what the entry uses.
 pub fn compile(
     gpu: &Gpu,
     layout: Option<&wgpu::PipelineLayout>,

@@ -122,7 +122,7 @@ pub(super) fn first_tiles(rays: u32) -> u32 {
     (FIRST_TILES * FEW_RAYS / rays.max(FEW_RAYS)).max(1)
 }
 
-/// Number of rays that take as long as to look up the photons near a point, at most: a power of two, or 0 without photons.
+/// Number of rays whose time covers the lookup of the photons near any point: a power of two, or 0 without photons.
 pub(super) fn rays_of_photons(photons: &PhotonMap) -> u32 {
     let most = photons.clouds().iter().map(Cloud::most_near).sum::<u64>() / PHOTONS_A_RAY;
     if most == 0 { 0 } else { u32::try_from(most.next_power_of_two()).unwrap_or(u32::MAX) }

@@ -173,7 +173,7 @@ pub fn sphere_constants() -> String {
 pub const LENS_HEAD: u32 = 9;
 /// Words of a sphere that focuses light.
 pub const LENS_WORDS: u32 = 9;
-/// Words of a node of the table for an index of refraction.
+/// Words of a node: the ray of one angle of incidence, in the table for an index of refraction (`node_place` in `programs/ball.wgsl`).
 pub const NODE_WORDS: u32 = 10;
 
 /// Words of the photons of one target: the place of the photons; the place of the starts of the table's entries; the number of entries; the low and

@@ -28,7 +28,7 @@ pub use segments::WgpuSegments;
 
 use crate::adaptive::{Sampling, asked, sample_on_device};
 use crate::cpu::{FindsFocused, check, may_trace};
-use crate::effects::dielectric::{Focused, Variant, disperses, is_rough};
+use crate::effects::dielectric::{Focused, Variant, disperses, is_rough, ways_of_path};
 use crate::effects::disc_rays;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
@@ -66,13 +66,13 @@ const BYTES_PER_TRIANGLE: u64 = 550;
 /// Greatest size of the list of points in bytes: three points a pixel for a picture of 1024 x 1024.
 const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
 /// Why a picture is discarded where the driver has left a loop.
-const CUT: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the rays to the discs of lights take more at a \
-                   pixel; set sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
+const CUT: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the occlusion rays, or the rays to the discs of \
+                   lights, take more at a pixel; set samples or sunsamples lower on the pass, use --backend cpu, or allow it with --fallback cpu";
 /// As [`CUT`], where glass focuses light.
 const CUT_FOCUS: &str = "its driver leaves loops that have not ended after some ten thousand steps, and the light of so many spheres that focus it, \
-                         so many photons, or the rays to the light's disc, take more at a point; set shadow=straight on the pass, or photons, \
-                         photonradius or sunsamples lower, use --backend cpu, or allow it with --fallback cpu";
-/// Why glass is not sampled to an error in the memory of another device.
+                         so many photons, the occlusion rays, or the rays to the light's disc, take more at a point; set shadow=straight on the \
+                         pass, or photons, photonradius, samples or sunsamples lower, use --backend cpu, or allow it with --fallback cpu";
+/// The reason for refusing a job whose glass is sampled to an error, but whose images are in device memory.
 const NOT_IN_HOST: &str = "its glass is sampled to an error, and its G-buffer or its picture is not in host memory";
 /// Greatest depth of paths through bodies of glass on drivers that cut loops: with it, `xml_projects/glass` is complete there; at depth 4
 /// light is missing.
@@ -96,12 +96,12 @@ pub struct WgpuRays {
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     /// The search for the light that glass focuses.
     focused: FindsFocused,
-    /// Number of points for which tests leave room.
+    /// Greatest number of points in the list that a test sets; `None` where no test sets it.
     #[cfg(test)]
     room: Option<u32>,
     /// The attachments of a rasteriser on the same device; `None` where they are not read in place.
     lending: Option<Arc<Lending>>,
-    /// Number of tiles of the next launch, by kind of kernel and number of rays to the discs of lights; `None` before the first launch.
+    /// Number of tiles of the next launch, by kind of kernel and [`rays_a_point`] with photons; `None` before the first launch.
     sizes: HashMap<(Kind, u32), Option<u32>>,
 }
 
@@ -234,7 +234,7 @@ impl WgpuRays {
         let tables = Tables::of(job, sampling, focused, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         self.check_tables(job, &tables)?;
         let kind = Kind { sampled: sampling.is_sampled(), ..Kind::of(job, !focused.is_empty()) };
-        let steps = disc_rays(job).saturating_add(launches::rays_of_photons(&focused.photons));
+        let steps = rays_a_point(job, kind.sampled).saturating_add(launches::rays_of_photons(&focused.photons));
         let photons = found.photons.counts;
         // The tables hold the photons now.
         drop(found);
@@ -355,7 +355,9 @@ impl WgpuRays {
         if job.texture_lod() == TextureLod::Cones
             && let Err(error) = buffers.require_levels(&self.gpu, job.scene)
         {
-            self.built = None;
+            if !buffers.is_whole() {
+                self.built = None;
+            }
             return Err(error);
         }
         Ok(self.built.as_ref().is_some_and(|(_, buffers)| buffers.has_levels))
@@ -442,6 +444,20 @@ impl WgpuRays {
         let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
         Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost, ..RayCounts::default() })
     }
+}
+
+/// Greatest number of rays that a point or a pixel may need, roughly: to the discs of lights, for occlusion, and on paths through glass; `sampled` if
+/// each path in glass takes one way. The size of the first launch depends on it.
+fn rays_a_point(job: &RayJob<'_>, sampled: bool) -> u32 {
+    let params = &job.params;
+    let occlusion = job.program.info().samples(params);
+    let glass = match job.dielectrics {
+        [] => 0,
+        _ if sampled => params.depth,
+        // Down to the depth, each surface divides a path in two.
+        _ => (1_u32 << params.depth.min(16)).saturating_mul(ways_of_path(job)),
+    };
+    disc_rays(job).saturating_add(occlusion).saturating_add(glass)
 }
 
 /// Number of filter levels of a job, 0 where nothing is filtered; and the exponent that is applied to the filtered values.

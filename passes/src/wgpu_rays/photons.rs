@@ -5,8 +5,8 @@ use crate::effects::dielectric::{Cloud, PhotonMap};
 use curitiba_pipeline::memory::Refused;
 
 /// Appends the photons of a pass to the tables: the number of clouds, the words of each cloud ([`CLOUD_WORDS`]), and for each cloud its photons and
-/// the starts of the table's entries. Clouds without photons are left out: programs have no infinities, of which their bounds consist. Returns the
-/// place in the tables.
+/// the starts of the table's entries. Clouds without photons are left out: their bounds are infinite, and programs have no infinities.
+/// Returns the place in the tables.
 ///
 /// # Errors
 /// If there is too little memory.

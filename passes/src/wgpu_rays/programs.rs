@@ -175,7 +175,7 @@ const LISTED_LIGHT: Text = text!("list_light");
 const SHADOWS: Text = text!("deferredShadows");
 
 /// The share of several lights, and of discs, that shadows leave.
-const LIGHTS_SHARE: [Text; 4] = [text!("light_cosine"), text!("discs"), text!("cut_loops"), text!("lights_share")];
+const LIGHTS_SHARE: [Text; 3] = [LIGHT_COSINE, text!("discs"), text!("lights_share")];
 /// Light that comes straight through glass: its transmittance, and the functions that use it.
 const STRAIGHT: [Text; 2] = [text!("light_straight"), text!("light_from")];
 /// [`STRAIGHT`] where glass focuses light.
@@ -186,8 +186,8 @@ const FOCUS: Text = text!("focus");
 const PHOTONS: Text = text!("photons");
 /// The sources that find the light that exact spheres focus.
 const LENSES: [Text; 2] = [text!("ball"), text!("lens")];
-/// The sources of [`LIGHTS_SHARE`] that [`FOCUS`] needs.
-const FOR_FOCUS: [Text; 2] = [text!("light_cosine"), text!("cut_loops")];
+/// The source of [`LIGHTS_SHARE`] that [`FOCUS`] needs.
+const LIGHT_COSINE: Text = text!("light_cosine");
 
 /// The sources that all programs share, except for those that depend on the rounding of products or on the lights.
 const COMMON: [Text; 6] =
@@ -200,9 +200,9 @@ fn texts(kind: Kind, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     if focuses {
         let listed = [LIGHT, LIGHT_SHARE, text!("list_focused")];
         let instead = |text: Text| match (text, lighting) {
-            (LISTED_LIGHT, Lighting::Sun) => [text!("light_cosine")].into_iter().chain(listed).collect(),
+            (LISTED_LIGHT, Lighting::Sun) => [LIGHT_COSINE].into_iter().chain(listed).collect(),
             (LISTED_LIGHT, Lighting::Lights) => listed.to_vec(),
-            (LIGHT_SHARE, Lighting::Sun) => [LIGHT_SHARE].into_iter().chain(FOR_FOCUS).chain([FOCUS]).collect(),
+            (LIGHT_SHARE, Lighting::Sun) => vec![LIGHT_SHARE, LIGHT_COSINE, FOCUS],
             (LIGHT_SHARE, Lighting::Lights) => vec![LIGHT_SHARE, FOCUS],
             (text, _) => vec![text],
         };
@@ -269,8 +269,8 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
             listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, LIGHT_SHARE, text!("final_light")]).collect()
         }
         Stage::Focus => {
-            let light = [text!("optics"), WEIGHTS, LIGHT].into_iter().chain(FOR_FOCUS);
-            listed.into_iter().chain(light).chain([FOCUS, text!("final_focus")]).collect()
+            let light = [text!("optics"), WEIGHTS, LIGHT, LIGHT_COSINE, FOCUS, text!("final_focus")];
+            listed.into_iter().chain(light).collect()
         }
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
         Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
@@ -371,6 +371,7 @@ pub fn source(kind: Kind, stage: Stage, (arithmetic, lod): (Arithmetic, TextureL
     let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
     let mut source = functions(arithmetic, kind, split, lod);
     source.push_str(text!("pass"));
+    source.push_str(text!("cut_loops"));
     texts.into_iter().for_each(|text| source.push_str(text));
     match stage {
         Stage::Whole => {
@@ -393,7 +394,7 @@ pub fn ball(arithmetic: Arithmetic) -> String {
     let texts = texts(kind, Stage::Focus, false).expect("it is written");
     // All sources except those of the kernel and of the lighting of surfaces.
     let texts = texts.into_iter().filter(|text| ![FOCUS, PHOTONS, text!("lens"), text!("final_focus")].contains(text));
-    let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass");
+    let source = functions(arithmetic, kind, Split::default(), TextureLod::Zero) + text!("pass") + text!("cut_loops");
     let source = texts.fold(source, |source, text| source + text);
     unmarked(&source, kind, TextureLod::Zero)
 }

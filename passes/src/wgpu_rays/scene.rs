@@ -219,6 +219,11 @@ impl SceneBuffers {
         Ok(Self { buffers, split, sizes, has_levels: false, params, bytes, nodes: tree.nodes.len() as u64 })
     }
 
+    /// Whether all arrays are on the device. They are not after [`Self::require_levels`] has failed halfway.
+    pub fn is_whole(&self) -> bool {
+        self.buffers.len() == self.split.count() as usize
+    }
+
     /// Copies all mip levels of the scene's textures to the device, in place of level 0 alone, unless they are there. After an error the
     /// buffers cannot be used.
     pub fn require_levels(&mut self, gpu: &Gpu, scene: &RenderScene) -> Result<(), BackendError> {
@@ -227,14 +232,14 @@ impl SceneBuffers {
         }
         let texels = texels(scene, true);
         let bytes = texels.as_flattened();
-        self.sizes[TEXELS] = bytes.len() as u64;
-        let split = split_of(gpu, self.sizes)?;
+        let mut sizes = self.sizes;
+        sizes[TEXELS] = bytes.len() as u64;
+        let split = split_of(gpu, sizes)?;
         // Level 0 is released first: memory may not hold both.
         self.buffers.truncate((self.split.count() - self.split.bindings[TEXELS]) as usize);
-        for part in split.parts(TEXELS, bytes) {
-            self.buffers.push(super::buffers::upload(gpu, ARRAYS[TEXELS], part)?);
-        }
-        (self.split, self.has_levels) = (split, true);
+        let parts = split.parts(TEXELS, bytes).map(|part| super::buffers::upload(gpu, ARRAYS[TEXELS], part));
+        self.buffers.extend(parts.collect::<Result<Vec<_>, _>>()?);
+        (self.split, self.sizes, self.has_levels) = (split, sizes, true);
         self.bytes = self.buffers.iter().map(wgpu::Buffer::size).sum();
         Ok(())
     }

@@ -1,4 +1,5 @@
-//! Tests how a driver computes `fma`, when a backend is made, and whether the driver runs long loops, when the glass of a pass needs them.
+//! Tests of a driver: how it computes `fma`, tried when a backend is made; and whether it runs long loops to their end, tried when the
+//! glass of a pass needs such loops.
 
 use super::programs::{Arithmetic, Rounding};
 use crate::raster::gpu::device::Gpu;

@@ -4,7 +4,7 @@ use super::fuzz_targets::tga;
 use curitiba_pipeline::plan::Settings;
 use std::fmt::Write as _;
 
-/// The shipped projects: one for each ray program, one without a program, one for each raster effect.
+/// The shipped projects: one without a program, one for each ray program that starts from a G-buffer, one for each raster effect.
 const PROJECTS: [&str; 15] = [
     include_str!("../../../xml_projects/SceneNoEffects.xml"),
     include_str!("../../../xml_projects/SceneDummy.xml"),

@@ -419,7 +419,7 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
         let moved = bent.pixels.iter().zip(&image.pixels).filter(|(a, b)| a != b).count();
         assert_eq!(moved > 1000, kind == SurfaceKind::Glass, "control: an index of 1.5: {moved}");
     }
-    // A mirror on the floor, seen from above, shows the sky a fifth darker.
+    // A floor that is a mirror, seen from above, shows the sky a fifth darker.
     let mut mirror = floor(Vec3::ONE);
     (mirror.surfaces[0], mirror.beyond) = (SurfaceKind::Metal, world.beyond);
     mirror.sun = world.sun;
@@ -435,8 +435,8 @@ fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
 fn a_rectangular_light_has_a_penumbra_whose_mean_is_the_share_that_is_seen() {
     let mut world = floor(Vec3::ONE);
     let wall = world.material(Vec3::ZERO, SurfaceKind::Painted);
-    // The half plane x < 0 at height 1, below a light of width 1 at height 2. From x, the light is visible where
-    // q > -x.
+    // The half plane x < 0 at height 1, below a light of width 1 at height 2. From a point of the floor at x, the part of the light
+    // with x-coordinates q > -x is visible.
     world.quad(wall, Vec3::new(-25.0, 1.0, 0.0), Vec3::Z * 50.0, Vec3::X * 25.0);
     world.eye = Vec3::new(0.0, 0.9, 0.0);
     world.lamp = Some(Lamp { position: Vec3::new(0.0, 2.0, 0.0), color: Vec3::ONE });

@@ -141,7 +141,8 @@ fn thesis_fidelity_and_panes_know_nothing_of_bodies() {
     assert_eq!((glass.len(), rays.refracted), (0, 0));
 }
 
-/// Shadows of glass are black, coloured, or 0.9 for each surface.
+/// By the rule `opaque` shadows of glass are black, by `straight` they have the colour of the glass, and by `report` each surface lets 0.9
+/// of the light pass.
 #[test]
 fn the_three_rules_of_shadows_differ_where_glass_is_in_the_way() {
     let image = |rule: &str| {

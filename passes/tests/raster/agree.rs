@@ -213,7 +213,7 @@ fn the_two_rasterisers_draw_the_same() {
     let mut failed = Vec::new();
     for (setup, allowed) in setups() {
         let job = setup.job(WIDTH, HEIGHT, ALL);
-        // Each pixel is shaded once, or each fragment.
+        // With one shading for each pixel, and with one for each fragment.
         for (shades_pixels, displacement) in [(true, ROUNDING), (false, SNAPPING)] {
             gpu.set_shades_pixels(shades_pixels);
             let (_, wrong) = compare(&mut gpu, &setup, &job, (allowed, displacement));
@@ -281,6 +281,7 @@ fn both_leave_out_the_same_back_faces() {
             + agreement.triangle.saturating_sub(8)
             + agreement.position
             + agreement.normal
+            + agreement.cosine
             + agreement.color;
         // Up to eight of 13,500 pixels may show a neighbour where triangles meet.
         assert!(agreement.same > 1000 && wrong == 0, "{agreement:?}");

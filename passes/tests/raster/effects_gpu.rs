@@ -9,11 +9,12 @@ use curitiba_passes::raster::gpu::WgpuRasteriser;
 use curitiba_pipeline::backend::{
     Answers, Attachments, BackendError, EffectJob, EffectStats, GBuffer, LoadStore, RasterJob, Rasteriser, Rect, View,
 };
-use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::executor::{Cancellation, Progress};
 use curitiba_pipeline::image::{Image, write_png};
 use curitiba_pipeline::programs::{Fresnel, RasterProgram};
 use curitiba_pipeline::raster_effects::{Border, EFFECT_PROGRAMS, EffectParams, EffectProgram, Missing, Parallax};
 use glam::{Vec3, Vec4};
+use std::time::{Duration, Instant};
 
 const SIDE: u32 = 160;
 
@@ -242,6 +243,64 @@ fn marches_agree_whatever_stands_for_what_is_missing() {
                 assert_eq!(stats.map_count, cpu.map_count, "{what}");
             }
         }
+    }
+}
+
+#[test]
+fn a_camera_without_a_picture_has_no_answers_of_an_earlier_run() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, mut shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    let seen = shot.view;
+    for program in [EffectProgram::ScreenReflection, EffectProgram::ScreenRefraction] {
+        shot.view = seen;
+        let (_, earlier) = uploaded(&mut gpu, &shot, program);
+        assert!(earlier.answers.expect("counted").glass() > 100, "{program:?}");
+        // The G-buffer shows glass, but the matrix of the camera has no inverse.
+        shot.view = View::new(world::matrix_of([Vec4::ZERO; 4]), Vec3::ZERO);
+        let (expected, cpu) = shot.effect(program, params());
+        let (found, stats) = uploaded(&mut gpu, &shot, program);
+        assert_eq!((stats.answers, cpu.answers), (Some(Answers::default()), Some(Answers::default())), "{program:?}");
+        assert!(found == expected && found == shot.buffer.color, "{program:?}");
+    }
+}
+
+#[test]
+fn an_effect_that_is_given_up_writes_nothing_and_leaves_the_next_run_as_it_is() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    for info in EFFECT_PROGRAMS {
+        let (whole, expected) = uploaded(&mut gpu, &shot, info.program);
+        let job = EffectJob { resident: false, ..shot.job(info.program, params()) };
+        let unwritten = [7.0_f32; 4];
+        let is_unwritten = |output: &Image| output.pixels.iter().all(|pixel| *pixel == unwritten);
+
+        let stop = Cancellation::new();
+        let (progress, mut output) = (Progress::until(&stop), Image::filled(SIDE, SIDE, unwritten));
+        stop.cancel();
+        gpu.effect(&job, &mut output, &progress).expect("given up");
+        assert!(progress.is_given_up() && progress.get().0 == 0 && is_unwritten(&output), "{}", info.name);
+
+        // Another thread stops it after the first submission. The effect may end before that; then its picture is whole.
+        let (stop, latest) = (Cancellation::new(), Instant::now() + Duration::from_secs(20));
+        let (progress, mut output) = (Progress::until(&stop), Image::filled(SIDE, SIDE, unwritten));
+        let result = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while progress.get().0 == 0 && Instant::now() < latest {
+                    std::thread::yield_now();
+                }
+                stop.cancel();
+            });
+            gpu.effect(&job, &mut output, &progress)
+        });
+        result.expect("given up, or whole");
+        println!("{}: given up in its middle: {}", info.name, progress.is_given_up());
+        assert!(if progress.is_given_up() { is_unwritten(&output) } else { output.pixels == whole }, "{}", info.name);
+
+        let (again, stats) = uploaded(&mut gpu, &shot, info.program);
+        assert!(again == whole, "{}", info.name);
+        assert_eq!((stats.map_count, stats.answers), (expected.map_count, expected.answers), "{}", info.name);
     }
 }
 
@@ -484,15 +543,17 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
     };
     let first = frame(&mut gpu);
     let memory = gpu.memory();
-    // Memory of four shadow maps, cube maps for two panes with a depth buffer, and the output.
+    // Texels of a map, and pixels of the picture.
     let (map, pixels) = (256 * 256, u64::from(SIDE * SIDE));
     // Memory of the pyramid (blocks of 1, 2, 4 ... pixels along a side), and of the picture without glass.
     let sides = [160_u64, 80, 40, 20, 10, 5, 3, 2, 1];
     let marched = 4 * sides.iter().map(|side| side * side).sum::<u64>() + (3 * 16 + 4) * pixels;
-    // Memory of two mirrors that share a layer, with their depth buffer.
     // Memory of the depths of the occlusions.
     let depths = 4 * pixels;
+    // Memory of four shadow maps, of cube maps for two panes with a depth buffer, and of two mirrors that share a layer, with their depth
+    // buffer.
     let maps = 4 * 4 * map + (2 * 6 * 16 + 4) * map + (16 + 4) * pixels;
+    // The output takes 16 bytes a pixel.
     assert_eq!(memory.effects, maps + 16 * pixels + marched + depths);
     assert!(first == frame(&mut gpu));
     assert_eq!(gpu.memory(), memory);

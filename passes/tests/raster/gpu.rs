@@ -347,7 +347,7 @@ fn depth_is_that_of_planes_through_corners_that_are_off_by_a_few_units_in_the_la
             "{name}: off by {:.2} units, the device's depth by {:.2}; {changed} of {covered} differ",
             worst[0], worst[1]
         );
-        // A pixel in the corner is as many pixels from the middle of the picture as at the edge of a lens of 165 degrees.
+        // Counted in pixels, the corner is as far from the middle of the picture as the edge of a picture by a lens of 165 degrees.
         let most = if times == 1 { 3.0 } else { 12.0 };
         assert!(covered > 400 && worst[0] < most, "{name}: {covered}, {worst:?}");
         assert!(changed * 10 > covered, "{name}: the device's depth was kept, {changed} of {covered}");

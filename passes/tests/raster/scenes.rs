@@ -144,8 +144,8 @@ fn parallelogram(geometry: &mut Geometry, corner: Vec3, u: Vec3, v: Vec3, repeat
     geometry.triangles.extend([[first, first + 1, first + 2], [first + 2, first + 1, first + 3]]);
 }
 
-/// The floor and walls of [`grazing`] with clamped and mirrored textures, which emit light: of one colour, with a
-/// texture, and without a diffuse texture.
+/// The floor and walls of [`grazing`] with clamped and mirrored textures. All four surfaces emit light: one of a single colour, three by a
+/// texture. One of these three has no diffuse texture.
 pub fn shining() -> Setup {
     let mut setup = grazing();
     let mut scene = RenderScene::clone(&setup.scene);
@@ -192,8 +192,7 @@ pub fn grazing() -> Setup {
     }
 }
 
-/// Fences with holes in front of a wall, whose diffuse colour has an alpha of 0, and a pane that has a cutoff but no
-/// texture.
+/// Fences with holes, whose diffuse colour has an alpha of 0, in front of a wall; and a pane that has a cutoff but no texture.
 pub fn cut_out() -> Setup {
     let mut geometry = Geometry::default();
     let (x, y) = (Vec3::X, Vec3::Y);

@@ -97,8 +97,8 @@ pub fn scene() -> RenderScene {
     scene
 }
 
-/// The first hit of a line of sight: distance, id, point and normal. The flag tells whether it is too close to another
-/// border to be certain.
+/// The first hit of a line of sight: distance, id, point and normal. The flag tells whether an outline, an edge, the near or far plane or a
+/// second surface is so close that rounding may decide.
 fn first_hit(scene: &RenderScene, eye: &Eye, x: u32, y: u32) -> (Option<(f64, u32, DVec3, DVec3)>, bool) {
     let (origin, direction, [near, far]) = eye.line(x, y);
     let mut hits: Vec<(f64, u32, DVec3, DVec3)> = Vec::new();

@@ -40,8 +40,8 @@ fn rays(geometry: &Geometry, count: usize, random: &mut Random) -> Vec<Ray> {
         .collect()
 }
 
-/// Whether rounding may decide the answer for this ray: it passes an edge within a relative 1e-4, or hits at the end of
-/// its interval, or hits a triangle edge-on.
+/// Whether rounding may decide the answer for this ray: its line passes an edge within 1e-3 in barycentric coordinates, or it hits within a
+/// relative 1e-4 of an end of its interval, or it hits a triangle edge-on.
 fn delicate(geometry: &Geometry, ray: &Ray) -> bool {
     let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
     (0..geometry.triangles.len()).any(|triangle| {

@@ -77,7 +77,7 @@ fn fans(geometry: &Geometry, random: &mut Random) -> Vec<Owned> {
             fans.push(Owned { origin, normal, t_min, t_max, directions });
         }
     }
-    // More rays than are sorted at once, including a fan that alone has more.
+    // Fans of many rays from one origin: one of 5000, and three of 100.
     let corner = low.lerp(high, 0.4);
     for count in [5000, 100, 100, 100] {
         let directions = (0..count).map(|_| random.cosine(Vec3::Y)).collect();

@@ -227,7 +227,7 @@ fn wgpu_leaves_out_what_is_not_opaque() {
     let mut geometry = geometry(&scene);
     let count = scene.len() as u32 - 2;
     geometry.batches = vec![Batch { material: 0, first: 0, count: 2 }, Batch { material: 1, first: 2, count }];
-    // More triangles are in the shaft than are gathered; transparent ones are not even counted.
+    // The shaft between the pair holds more triangles than are gathered, so segments are traced. Transparent triangles are not counted.
     for (marks, visibility) in [([false, false], 0.0), ([false, true], 1.0)] {
         let surfaces = Surfaces::new(&geometry, &marks);
         let Some(mut tracer) = wgpu(surfaces.geometry(), surfaces.see_through_materials()) else { return };

@@ -159,7 +159,7 @@ pub(crate) fn normal([a, b, c]: &Triangle) -> DVec3 {
 /// plane are coplanar only within this distance.
 const ROUNDING: f64 = 2e-6;
 
-/// Distance of a segment's end from a plane above which rounding cannot change the side of the plane on which the end lies.
+/// If a segment's end is farther than this from a plane, rounding cannot move the end to the other side of the plane.
 pub(crate) fn known_distance(from: DVec3, to: DVec3) -> f64 {
     ROUNDING * from.length().max(to.length())
 }

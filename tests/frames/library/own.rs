@@ -12,6 +12,7 @@ use curitiba::pipeline::programs::RayProgram;
 use curitiba::pipeline::project;
 use curitiba::pipeline::scene::{Batch, Geometry, Material, RenderScene};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A frame of a project with this ray backend, and the note of its pass.
@@ -45,6 +46,21 @@ fn a_function_of_ones_own_is_a_pass_of_the_graph() {
     // Each pixel that shows the square traces one ray.
     let seen = image.pixels.len() - has(0.0);
     assert!(note.contains(&seen.to_string()), "{note}: {seen} rays");
+}
+
+#[test]
+fn a_function_of_ones_own_may_share_its_work_out() {
+    let shared = |at: At<'_>| {
+        let sum: u32 = (0..64_u32).into_par_iter().map(|number| number ^ at.pixel.x).sum();
+        [sum as f32, 0.0, 0.0, 1.0]
+    };
+    let alone = |at: At<'_>| [(0..64_u32).map(|number| number ^ at.pixel.x).sum::<u32>() as f32, 0.0, 0.0, 1.0];
+    let [shared, alone] = {
+        let (shared, _) = rendered("SceneFinal", OwnProgram::new(RayProgram::Final, shared));
+        let (alone, _) = rendered("SceneFinal", OwnProgram::new(RayProgram::Final, alone));
+        [shared, alone]
+    };
+    assert_eq!(bits(&shared), bits(&alone));
 }
 
 #[test]

@@ -146,8 +146,8 @@ impl Tile {
         rays
     }
 
-    /// Takes the light of those pixels for which the sketch of a tile decides it with certainty, and puts all other lit pixels into
-    /// `shown`. Returns the number of rays that these decisions replace.
+    /// Sets the light of the pixels for which the tile's sketch decides it with certainty, and puts all other lit pixels into `shown`.
+    /// Returns the number of rays that these decisions replace.
     fn decide<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         let Self { dark, turned, sketch, decided, shown, .. } = self;
         *turned = sketch.dark;

@@ -88,6 +88,7 @@ pub struct Cloud {
     low: Vec3,
     high: Vec3,
     radius: f32,
+    cells_a_unit: f32,
 }
 
 impl Cloud {
@@ -98,18 +99,19 @@ impl Cloud {
     pub fn new(mut photons: Vec<Photon>, radius: f32) -> Result<Self, Refused> {
         photons.retain(|photon| photon.power != Vec3::ZERO);
         let entries = photons.len().next_power_of_two();
-        let mut cloud =
-            Self { photons, starts: zeroed(entries + 1)?, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, radius };
-        let side = cloud.cells_a_unit();
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for photon in &photons {
+            (low, high) = (low.min(photon.position), high.max(photon.position));
+        }
+        let cells_a_unit = cells_a_unit([low, high], radius);
+        let mut cloud = Self { photons, starts: zeroed(entries + 1)?, low, high, radius, cells_a_unit };
         cloud
             .photons
             .par_iter_mut()
-            .for_each(|photon| photon.bucket = bucket((photon.position * side).floor().as_ivec3(), entries));
+            .for_each(|photon| photon.bucket = bucket((photon.position * cells_a_unit).floor().as_ivec3(), entries));
         cloud.photons.par_sort_unstable_by_key(|photon| (photon.bucket, photon.number));
         for photon in &cloud.photons {
             cloud.starts[photon.bucket as usize + 1] += 1;
-            cloud.low = cloud.low.min(photon.position);
-            cloud.high = cloud.high.max(photon.position);
         }
         for entry in 0..entries {
             cloud.starts[entry + 1] += cloud.starts[entry];
@@ -149,10 +151,10 @@ impl Cloud {
         self.radius
     }
 
-    /// Number of cells per scene unit. Cells are as wide as a disc, so a disc touches at most two of them along each axis.
+    /// Number of cells per scene unit. A disc touches at most two cells along each axis.
     #[must_use]
     pub fn cells_a_unit(&self) -> f32 {
-        0.5 / self.radius
+        self.cells_a_unit
     }
 
     /// The kernel's weight at distance 0, in 1 / area.
@@ -169,7 +171,7 @@ impl Cloud {
             return;
         }
         let (square, whole) = (radius * radius, self.greatest_weight());
-        let side = self.cells_a_unit();
+        let side = self.cells_a_unit;
         let [low, high] = [point - radius, point + radius].map(|corner| (corner * side).floor().as_ivec3());
         // Two cells may share an entry of the table; its photons count once.
         let (mut seen, mut count) = ([0; 8], 0);
@@ -192,6 +194,17 @@ impl Cloud {
             }
         }
     }
+}
+
+/// Number of cells per scene unit for discs of radius `radius` around points near these bounds.
+///
+/// Both ends of a disc are computed in `f32`, in cells, and each is off by up to 2^-23 of its distance from the origin. With cells exactly as wide
+/// as a disc the two numbers could differ by more than 1, and the cell between them would be left out. So cells are wider by four such errors.
+fn cells_a_unit([low, high]: [Vec3; 2], radius: f32) -> f32 {
+    let radius = f64::from(radius);
+    let farthest = f64::from(low.abs().max(high.abs()).max_element()) + 2.0 * radius;
+    let wider = 4.0 * f64::from(f32::EPSILON) * farthest / (2.0 * radius);
+    (0.5 / (radius * (1.0 + wider))) as f32
 }
 
 /// The entry of a cell in a table whose length is a power of two (Teschner and others, "Optimized Spatial Hashing for Collision Detection of
@@ -257,5 +270,40 @@ impl PhotonMap {
     pub fn power(&self) -> Vec3 {
         let of = |photon: &Photon| photon.power.as_dvec3();
         self.clouds.iter().flat_map(|cloud| &cloud.photons).map(of).sum::<glam::DVec3>().as_vec3()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The photons that are found near a point, and those that lie within the radius.
+    fn found(radius: f32, positions: &[Vec3], point: Vec3) -> [usize; 2] {
+        let photons = (0..)
+            .zip(positions)
+            .map(|(number, position)| Photon::new(*position, (Vec3::NEG_Z, Vec3::Z), Vec3::ONE, number));
+        let cloud = Cloud::new(photons.collect(), radius).expect("enough memory");
+        let mut count = 0;
+        cloud.each_near(point, Vec3::Z, |_, _| count += 1);
+        [count, positions.iter().filter(|position| position.distance_squared(point) < radius * radius).count()]
+    }
+
+    #[test]
+    fn no_photon_of_a_disc_is_missed_far_from_the_origin() {
+        let radius = 0.013_7_f32;
+        // With cells as wide as a disc, both ends of this disc lie two cells apart.
+        let ends = [25.687_5 - radius, 25.687_5 + radius].map(|end| (end * (0.5 / radius)).floor());
+        assert_eq!(ends[1] - ends[0], 2.0, "control");
+        let mut missed = 0;
+        for scale in [1.0, 16.0, 256.0, 4096.0] {
+            for step in 0..500_u16 {
+                let point = Vec3::new(25.687_5, f32::from(step) * 0.037, 0.0) * scale;
+                // One photon beside the point, and others that widen the bounds.
+                let beside = point + Vec3::new(0.3, -0.4, 0.0) * radius;
+                let [found, expected] = found(radius, &[beside, Vec3::X * 30.0 * scale, Vec3::ZERO], point);
+                missed += expected.saturating_sub(found);
+            }
+        }
+        assert_eq!(missed, 0);
     }
 }

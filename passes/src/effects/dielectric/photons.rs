@@ -1,9 +1,9 @@
 //! Shoots photons at the bodies of glass meshes, and lights surfaces by them.
 //!
 //! The photons of a target start on a disc that is perpendicular to the light and covers the target, each with the light of an equal part of the
-//! disc. Until a photon meets a surface of a target or an opaque surface, glass that is no target does not deflect it. If that surface does not
-//! belong to the photon's own target, the photon is dropped: its light meets no target first, or the photons of another target carry it. So photons
-//! carry exactly the light that meets a target first, and targets block straight light ([`Pass::focuses`]).
+//! disc. A photon goes straight through glass that is no target, up to the first surface that is opaque or belongs to a target. If this
+//! surface does not belong to the photon's own target, the photon is dropped: its light meets no target first, or the photons of another
+//! target carry it. So photons carry exactly the light that meets a target first, and targets block straight light ([`Pass::focuses`]).
 //!
 //! At each surface of a body a photon is either reflected or refracted, each with a probability equal to its share of the light. So its power
 //! changes only by absorption, filters, masking by microfacets, and the weight of its wavelength. Thin glass lets it straight on, as it does

@@ -51,7 +51,8 @@ pub(super) struct Met<'h, F> {
     pub(super) footprint: F,
 }
 
-/// Follows paths; `shade` gives the colour of everything that is not glass, given the key of the path.
+/// Follows paths. `shade` gives the colour of surfaces that are not glass, and of the light that glass scatters back. It is given the key
+/// of the path.
 ///
 /// Down to the depth of the pass both ways on are followed. Beyond it light goes on through the surface where it can, with the weight of
 /// both ways. So no light is lost there, and the cost of a path of many surfaces is proportional to its length.

@@ -26,7 +26,8 @@ pub(in crate::effects) trait Ways: Copy {
     /// Which of `count` parts of the spectrum a way has at the surface of this key.
     fn part_of_spectrum(&self, way: u32, key: u32, count: usize) -> usize;
 
-    /// The key of the random numbers that are drawn where a path ends; `way` is the path's number, where it was divided.
+    /// The key of the random numbers that are drawn where a path ends; `way` is the number of the path's way, or `None` if it was not
+    /// divided.
     fn own_key(&self, key: u32, way: Option<u32>) -> u32;
 
     /// Notes a stochastic event of the path.
@@ -122,7 +123,7 @@ pub struct Sample<'m> {
     pub half: u32,
     /// Number of the first way.
     pub first: u32,
-    /// Number of ways into which the first surface that divides the path divides it.
+    /// Number of ways on from the first surface that divides the path.
     pub ways: u32,
     /// Position of the pixel's way 0 in the sequence.
     pub offset: u32,
@@ -164,7 +165,7 @@ impl Ways for Sample<'_> {
         ((u64::from(place) * count as u64) >> 32) as usize
     }
 
-    /// A path that was not divided has a key for each time that it is followed; the first of these keys is that of [`AllWays`].
+    /// A path that was not divided has another key each time it is followed; the key of the first time is that of [`AllWays`].
     fn own_key(&self, key: u32, way: Option<u32>) -> u32 {
         match way.or((self.first > 0).then_some(self.first)) {
             Some(way) => path_key(key, SCATTERED.wrapping_add(way)),

@@ -32,7 +32,7 @@ fn points() -> impl Iterator<Item = Vec3> + Clone {
     grid(24, Vec3::new(0.013, 0.007, 0.0), Vec3::X * 3.0, Vec3::Y * 3.0).collect::<Vec<_>>().into_iter()
 }
 
-/// The shares that `deferredShadows` writes for points of the floor, which nothing may cover.
+/// The shares that `deferredShadows` writes for points of the floor. The G-buffer shows the floor alone, so nothing hides these points.
 fn shares(world: &World, targets: impl IntoIterator<Item = Vec3>) -> Vec<Vec4> {
     shares_of(world, targets, RayParams::default())
 }

@@ -3,6 +3,7 @@
 use super::frame::MAX_TRIANGLES;
 use super::surface::TILE;
 use super::vertex::MAX_SIDE;
+use crate::raster::check;
 use curitiba_pipeline::backend::{BackendError, GBuffer, RasterJob, Rect};
 
 fn refuse(what: &str, why: String) -> Result<(), BackendError> {
@@ -36,7 +37,7 @@ pub(super) fn between_tiles(viewport: Rect, held: Rect) -> BackendError {
 
 /// Refuses jobs that this rasteriser cannot draw, or whose parts do not fit together.
 pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError> {
-    let (view, geometry, asked) = (job.viewport, &job.scene.geometry, job.attachments);
+    let view = job.viewport;
     // The grid of tiles checks that viewport and target overlap in whole tiles.
     let ends = |rect: Rect| rect.x.checked_add(rect.width).is_some() && rect.y.checked_add(rect.height).is_some();
     if !ends(view) || !ends(held) {
@@ -46,44 +47,8 @@ pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError>
         let size = format!("{} x {} pixels", view.width, view.height);
         return refuse("this size", format!("a viewport of {size} has a side above {MAX_SIDE}; draw it in blocks"));
     }
-    if geometry.triangles.len() > MAX_TRIANGLES {
+    if job.scene.geometry.triangles.len() > MAX_TRIANGLES {
         return refuse("this scene", format!("it has more than {MAX_TRIANGLES} triangles; split it"));
     }
-    let vertices = geometry.positions.len();
-    if asked.normal && geometry.normals.len() != vertices {
-        return refuse("the attachment `normal`", "the scene was loaded without normals".to_owned());
-    }
-    if !geometry.normals.is_empty() && geometry.normals.len() != vertices {
-        return refuse("this scene", "it has not as many normals as positions".to_owned());
-    }
-    if let Some(sphere) = geometry.spheres.iter().find(|sphere| sphere.material as usize >= job.shades.len()) {
-        return refuse("this scene", format!("material {} has no colours", sphere.material));
-    }
-    for batch in &geometry.batches {
-        let Some(shade) = job.shades.get(batch.material as usize) else {
-            return refuse("this scene", format!("material {} has no colours", batch.material));
-        };
-        if (batch.first as usize).saturating_add(batch.count as usize) > geometry.triangles.len() {
-            return refuse("this scene", "a batch reaches beyond the triangles".to_owned());
-        }
-        if shade.vertex_colors && (asked.color || shade.alpha_cutoff.is_some()) && geometry.colors.len() != vertices {
-            return refuse("vertex colours", "the scene was loaded without".to_owned());
-        }
-        let color = shade.texture.filter(|_| asked.color || shade.alpha_cutoff.is_some());
-        let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| asked.color);
-        let bends = asked.color || asked.position || asked.normal;
-        let normals = shade.normal_map.map(|map| map.texture).filter(|_| bends && !geometry.normals.is_empty());
-        if normals.is_some() && geometry.tangents.len() != vertices {
-            return refuse("normal maps", "the scene was loaded without tangents".to_owned());
-        }
-        for texture in [color, glow, normals].into_iter().flatten() {
-            if texture as usize >= job.scene.textures.len() {
-                return refuse("this scene", format!("it has no texture {texture}"));
-            }
-            if geometry.texcoords.len() != vertices {
-                return refuse("a textured material", "the scene was loaded without texture coordinates".to_owned());
-            }
-        }
-    }
-    Ok(())
+    check::scene(job).or_else(|(what, why)| refuse(what, why))
 }

@@ -12,7 +12,7 @@ use curitiba_pipeline::scene::{Batch, TriangleRanges, normal_map};
 use glam::{Vec2, Vec3, Vec4};
 use std::ops::Range;
 
-/// Ambient share of the diffuse colour, as in the report.
+/// Ambient share of the diffuse colour, as in the 2014 report that the README names.
 const AMBIENT: f32 = 0.3;
 
 /// A normal whose squared length is at most this has no direction: the corners' normals cancel, and the rest is

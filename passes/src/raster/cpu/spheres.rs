@@ -12,7 +12,7 @@ use curitiba_pipeline::scene::Sphere;
 use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
 use std::ops::Range;
 
-/// Ambient share of the diffuse colour, as in the report and for triangles.
+/// Ambient share of the diffuse colour, the same as for triangles.
 const AMBIENT: f32 = 0.3;
 
 /// The spheres of a draw.

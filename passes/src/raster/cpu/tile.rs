@@ -89,8 +89,8 @@ impl Edge {
 ///
 /// Rounding is monotone, so over a block the largest computed depth is at one of its corners, exactly.
 ///
-/// The plane goes through the corners before they were snapped. A plane through the snapped corners has a different
-/// slope, by up to half a unit's change of depth over the triangle, and might show the farther of two layers. Slivers
+/// The plane goes through the corners before they were snapped. Snapping moves a corner by up to half a unit, so a plane
+/// through the snapped corners has a different slope, and might show the farther of two layers. Slivers
 /// whose orientation snapping reversed, or whose area it changed by a factor of two or more, have no reliable slope:
 /// their plane goes through the snapped corners. With `snapped_depth` the plane of every triangle does.
 #[derive(Debug, Clone, Copy)]

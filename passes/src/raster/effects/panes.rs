@@ -18,10 +18,11 @@ pub struct Pane {
 }
 
 /// Groups the triangles of glass materials into panes: triangles with a common corner position are in one pane. Panes
-/// are ordered by their first triangle. Takes 16 bytes for each corner of a glass triangle, and as much again while the corners are collected.
+/// are ordered by their first triangle. Exact spheres are in no pane. Takes 16 bytes for each corner of a glass triangle, and as much again
+/// while the corners are collected.
 #[must_use]
 pub fn find(geometry: &Geometry, glass: &[bool]) -> Vec<Pane> {
-    let ranges = TriangleRanges::new(geometry, glass);
+    let ranges = TriangleRanges::of_triangles(geometry, glass);
     let triangles: Vec<u32> = ranges.as_slice().iter().flat_map(|&[first, end]| first..end).collect();
     // Adding 0 turns -0 into 0.
     let key = |position: Vec3| position.to_array().map(|value| (value + 0.0).to_bits());

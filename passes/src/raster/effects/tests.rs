@@ -8,7 +8,7 @@ use super::shadow::ShadowFit;
 use crate::sampling::hash::{pcg4d, unit};
 use curitiba_pipeline::backend::{Sun, View};
 use curitiba_pipeline::raster_effects::EffectParams;
-use curitiba_pipeline::scene::{Batch, Geometry};
+use curitiba_pipeline::scene::{Batch, Geometry, Sphere};
 use glam::{Mat4, Vec2, Vec3};
 
 fn camera(eye: Vec3, target: Vec3, far: f32) -> View {
@@ -248,6 +248,16 @@ fn panes_are_connected_glass() {
     assert_eq!(panes[0].bounds, bounds(Vec3::ZERO, Vec3::new(2.0, 1.0, 0.0)));
     assert!(panes::find(&geometry, &[false]).is_empty() && panes::find(&geometry, &[]).is_empty());
     assert!(panes::find(&Geometry::default(), &[true]).is_empty());
+}
+
+#[test]
+fn spheres_of_glass_are_no_panes() {
+    let sphere = Sphere { center: Vec3::ZERO, radius: 1.0, material: 0 };
+    let geometry = Geometry { spheres: vec![sphere; 2], ..squares(&[Vec3::ZERO]) };
+    let panes = panes::find(&geometry, &[true]);
+    assert_eq!((panes.len(), panes[0].triangles), (1, 2));
+    let alone = Geometry { spheres: vec![sphere], ..Geometry::default() };
+    assert!(panes::find(&alone, &[true]).is_empty());
 }
 
 #[test]

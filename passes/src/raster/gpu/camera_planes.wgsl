@@ -28,7 +28,7 @@ struct Frame {
 
 // The plane of a triangle for one camera.
 struct Plane {
-    // The dot product of this with a homogeneous point minus `frame.origin` is 0 in the plane.
+    // The dot product of `plane` with a homogeneous point, taken relative to `frame.origin`, is 0 if the point lies in the plane.
     plane: vec4<f32>,
     // Change of depth for one pixel to the right, and for one down.
     slope: vec2<f32>,

@@ -8,7 +8,7 @@ pub(crate) const NAME: &str = "wgpu";
 /// What the user can do if the device fails or lacks something.
 const REMEDY: &str = "`--raster cpu` draws without a GPU";
 
-/// The same error, with the remedy replaced by that of the ray backend of the same name.
+/// The same error with another remedy: the one for the ray backend, which has the rasteriser's name.
 pub(crate) fn of_rays(error: BackendError) -> BackendError {
     const OF_RAYS: &str = "`--backend cpu` traces without a GPU";
     match error {

@@ -2,11 +2,11 @@
 // `//#else`) are only in variants that define NAME; see `shader.rs`. `lights.wgsl` and `camera_planes.wgsl` are part of it.
 //
 //   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
-//   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
+//   VERTEX_NORMAL                       the vertices carry normals, and COLOR, POSITION or NORMAL reads them
 //   TEXTURED                            the material has a texture, and COLOR or ALPHA_CUT reads it
 //   WRITES                              any attachment is written; without it, only the depth is
 //   TEXCOORD                            the vertices carry texture coordinates: TEXTURED, GLOW_TEXTURED or BENT
-//   GLOW, GLOW_TEXTURED                 the material emits light; its texture gives the emission
+//   GLOW, GLOW_TEXTURED                 the material emits light; a texture multiplies the emitted light
 //   BENT                                a normal map bends the normals; the vertices carry tangents
 //   WORLD                               the place in the world is interpolated: POSITION, BENT or LIGHTS
 //   WRAPPED                             the samplers wrap texture coordinates; without it, all textures repeat
@@ -42,7 +42,8 @@ struct Draw {
     count: u32,
     // PER_PIXEL: whether pixels without a triangle are written, not 0 in one draw of a pass.
     clears: u32,
-    // PER_PIXEL: the corner of the pixels that the draw's triangles can cover, relative to that of the part.
+    // PER_PIXEL: the upper left corner of the rectangle of pixels that the draw's triangles can cover, relative to the corner of the part
+    // (`frame.part`).
     corner: vec2<u32>,
 }
 
@@ -522,7 +523,7 @@ fn shown(exact: vec3<f32>, place: vec2<f32>, pixel_size: vec2<f32>, corner: arra
     if all(exact >= vec3<f32>(0.0)) && all(abs(off / pixel_size) < vec2<f32>(1.0 / 4096.0)) {
         return exact;
     }
-    // The areas that the barycentric coordinates are made of, and their changes with the point.
+    // The areas that the barycentric coordinates are made of, and the changes of these areas if `place` moves by `off`.
     let areas = areas_of(ways);
     let changes = vec3<f32>(
         dot(off, vec2<f32>(w.z * b.y - w.y * c.y, w.y * c.x - w.z * b.x)),

@@ -1,6 +1,7 @@
 //! Checks whether the scene and the target of a job have the data that the job needs.
 
 use super::faults::unsupported;
+use crate::raster::check;
 use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, drawn_part};
 
 /// Whether the job draws nothing.
@@ -33,40 +34,7 @@ pub(super) fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), 
     }
 }
 
-/// Refuses scenes that lack data that the job reads.
+/// Refuses jobs whose scene lacks data that the job reads, or whose parts do not fit together.
 pub(super) fn check_scene(job: &RasterJob<'_>) -> Result<(), BackendError> {
-    let geometry = &job.scene.geometry;
-    let vertices = geometry.positions.len();
-    if job.attachments.normal && geometry.normals.len() != vertices {
-        return Err(unsupported("the attachment `normal`", "the scene was loaded without normals;"));
-    }
-    for batch in &geometry.batches {
-        let Some(shade) = job.shades.get(batch.material as usize) else {
-            return Err(unsupported("this scene", &format!("material {} has no colours;", batch.material)));
-        };
-        if shade.vertex_colors
-            && (job.attachments.color || shade.alpha_cutoff.is_some())
-            && geometry.colors.len() != vertices
-        {
-            return Err(unsupported("vertex colours", "the scene was loaded without;"));
-        }
-        let color = shade.texture.filter(|_| job.attachments.color || shade.alpha_cutoff.is_some());
-        let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| job.attachments.color);
-        let Attachments { color: lit, position, normal, .. } = job.attachments;
-        let bends = (lit || position || normal) && !geometry.normals.is_empty();
-        let normals = shade.normal_map.map(|map| map.texture).filter(|_| bends);
-        if normals.is_some() && geometry.tangents.len() != vertices {
-            return Err(unsupported("normal maps", "the scene was loaded without tangents;"));
-        }
-        for texture in [color, glow, normals].into_iter().flatten() {
-            if texture as usize >= job.scene.textures.len() {
-                return Err(unsupported("this scene", &format!("it has no texture {texture};")));
-            }
-            if geometry.texcoords.len() != vertices {
-                let why = "the scene was loaded without texture coordinates;";
-                return Err(unsupported("a textured material", why));
-            }
-        }
-    }
-    Ok(())
+    check::scene(job).map_err(|(what, why)| unsupported(what, &format!("{why};")))
 }

@@ -1,6 +1,6 @@
 //! The rasteriser for GPUs, through wgpu: Vulkan, Metal and DirectX 12, without a window.
 //!
-//! Limits: one sample per pixel, and opaque or alpha-tested surfaces, unless own shaders blend. There is one directional
+//! Limits: one sample per pixel, and opaque or alpha-tested surfaces, unless a project's own shaders blend. There is one directional
 //! light, or at most 256 lights. A frame is at most as large as the device's largest texture. Triangle ids need a device
 //! whose shaders have primitive indices.
 //!
@@ -9,6 +9,7 @@
 //! `NODEVICE_SELECT=1` in the environment disables the layer.
 
 mod adapter;
+mod cache;
 mod covered;
 pub(crate) mod device;
 mod draws;
@@ -524,7 +525,8 @@ impl Rasteriser for WgpuRasteriser {
         progress: &Progress,
     ) -> Result<EffectStats, BackendError> {
         let stats = self.run_effect(job, None, progress)?;
-        if let (Some(lending), Some(made)) = (&self.lending, self.effects.as_ref().and_then(Effects::picture)) {
+        let made = self.effects.as_ref().and_then(Effects::picture).filter(|_| !progress.is_given_up());
+        if let (Some(lending), Some(made)) = (&self.lending, made) {
             lending.keep_copy(picture, made)?;
         }
         Ok(stats)

@@ -37,7 +37,8 @@ impl Layouts {
             let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("uniforms"), entries: &entries };
             device.create_bind_group_layout(&descriptor)
         };
-        // A device without depth on planes may lack the storage buffers for layouts with planes. No pipeline uses these layouts then.
+        // A device without depth on planes may lack the storage buffers for layouts with planes. Then the second pair is made without
+        // planes, and no pipeline uses it.
         let has_planes = gpu.has_plane_depth();
         let uniforms = [false, has_planes].map(|planes| [false, true].map(|lights| uniforms(lights, planes)));
         let fragment = |binding, ty| wgpu::BindGroupLayoutEntry {

@@ -27,7 +27,7 @@ const FOUND_BYTES: u64 = 8;
 const PIXELS_AT: u64 = 256;
 /// Bytes that one task copies from the memory that the device wrote.
 const COPIED_AT_ONCE: usize = 256 << 10;
-/// Format number for a quad without a second factor.
+/// Format number of the factor for a quad without a factor.
 const NO_FACTOR: u32 = 99;
 
 /// `Params` of `quads.wgsl`.

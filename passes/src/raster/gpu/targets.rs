@@ -1,5 +1,6 @@
 //! Attachments in device memory, and their copies to the host.
 
+use super::cache::Kept;
 use super::device::Gpu;
 use super::faults::unsupported;
 use super::resources::texture;
@@ -24,8 +25,6 @@ pub(crate) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle
 pub(crate) const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Greatest number of sets of attachments that are kept: for passes of several sizes, or with different attachments.
-const KEPT: usize = 4;
 /// Greatest buffer for reading back; larger frames are read in several pieces.
 const STAGING_BYTES: u64 = 256 << 20;
 
@@ -438,34 +437,16 @@ impl Band {
     }
 }
 
-/// Sets of attachments that are kept between frames, the last used last.
+/// Sets of attachments that are kept between frames, for passes of several sizes or with different attachments.
 #[derive(Debug, Default)]
-pub(super) struct TargetCache(Vec<Targets>);
+pub(super) struct TargetCache(Kept<(u32, u32, Stored), Targets>);
 
 impl TargetCache {
     /// The attachments for a pass, reused or new.
     pub fn require(&mut self, gpu: &Gpu, viewport: Rect, stored: Stored) -> Result<&Targets, BackendError> {
-        let Rect { width, height, .. } = viewport;
-        let fits = |t: &Targets| t.width == width && t.height == height && t.stored == stored;
-        let targets = match self.0.iter().position(fits) {
-            Some(index) => self.0.remove(index),
-            None => {
-                if self.0.len() == KEPT {
-                    self.0.remove(0);
-                }
-                match Targets::new(gpu, width, height, stored) {
-                    // Memory may be full because of the kept sets.
-                    Err(BackendError::Device { .. }) if !self.0.is_empty() => {
-                        self.0.clear();
-                        gpu.submit_and_wait(None, "release of attachments")?;
-                        Targets::new(gpu, width, height, stored)?
-                    }
-                    result => result?,
-                }
-            }
-        };
-        self.0.push(targets);
-        Ok(&self.0[self.0.len() - 1])
+        let key = (viewport.width, viewport.height, stored);
+        // The bind groups of a set belong to the set, so there is nothing else to release.
+        self.0.require(gpu, key, || {}, |(width, height, stored)| Targets::new(gpu, *width, *height, *stored))
     }
 
     /// The attachments of the last pass; `None` before the first.
@@ -475,6 +456,6 @@ impl TargetCache {
 
     /// Bytes of device memory of all sets.
     pub fn bytes(&self) -> u64 {
-        self.0.iter().map(Targets::bytes).sum()
+        self.0.values().map(Targets::bytes).sum()
     }
 }

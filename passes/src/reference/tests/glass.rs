@@ -360,7 +360,7 @@ fn beyond_the_depth_light_goes_through_with_the_weight_of_both() {
 
 #[test]
 fn a_body_bends_each_wavelength_by_its_own_index() {
-    // A screen in the glass, white from where green light falls on.
+    // A screen in the glass. It is white from the place on where green light (540 nm) falls.
     let (spread, degrees) = (0.05_f32, 60.0_f64);
     let index = |wavelength: f64| 1.6 + f64::from(spread) * (523_655.0 / (wavelength * wavelength) - 1.5168);
     let place = |wavelength: f64| (degrees.to_radians().sin() / index(wavelength)).asin().tan() * 10.0;

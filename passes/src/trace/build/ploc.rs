@@ -1,6 +1,6 @@
 //! Builds the binary tree with obvhs (PLOC: parallel locally-ordered clustering).
 
-use super::effort::Effort;
+use super::effort::{Effort, Search};
 use super::input::{InputLeaf, Survey, Triangles};
 use bytemuck::Zeroable;
 use curitiba_pipeline::progress::Progress;
@@ -9,7 +9,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use obvhs::ploc::{PlocBuilder, SortPrecision};
 use rayon::prelude::*;
 
 /// Overlap (see [`overlap`]) above which reinsertion is skipped: its search for a better place prunes by area, and among thousands of equal
@@ -27,6 +27,7 @@ const GRAIN: usize = 8192;
 /// Two consecutive triangles that share an edge are one leaf if the box around both is small enough ([`Survey::new`]): meshes are full of
 /// such pairs, and obvhs has half the work.
 ///
+/// obvhs's clustering merges neighbours that prefer each other. It loses its linear time where costs tie (a row of equal boxes merges one
 /// pair a pass), overflow or are NaN. So obvhs is given boxes scaled to a unit cube and grown on each side by a pseudo-random length, at
 /// most about 1/64 of their longest side. Only the topology of its tree is used, and the areas of its boxes, which weight costs.
 ///
@@ -67,21 +68,9 @@ pub(crate) fn binary_tree(
     let cube = Aabb::new(Vec3A::splat(-2.0 * GROWTH), Vec3A::splat(1.0 + 2.0 * GROWTH));
     let (precision, threshold) = (SortPrecision::U64, effort.threshold);
     match effort.search {
-        PlocSearchDistance::Minimum => {
-            builder.build_ploc_from_leaves::<1, false>(&mut tree, cube, precision, threshold)
-        }
-        PlocSearchDistance::VeryLow => {
-            builder.build_ploc_from_leaves::<2, false>(&mut tree, cube, precision, threshold)
-        }
-        // With obvhs's own distance, 6, building takes a fourteenth longer, and rays are no faster.
-        PlocSearchDistance::Low => builder.build_ploc_from_leaves::<5, false>(&mut tree, cube, precision, threshold),
-        PlocSearchDistance::Medium => {
-            builder.build_ploc_from_leaves::<14, false>(&mut tree, cube, precision, threshold)
-        }
-        PlocSearchDistance::High => builder.build_ploc_from_leaves::<24, false>(&mut tree, cube, precision, threshold),
-        PlocSearchDistance::VeryHigh => {
-            builder.build_ploc_from_leaves::<32, false>(&mut tree, cube, precision, threshold)
-        }
+        Search::One => builder.build_ploc_from_leaves::<1, false>(&mut tree, cube, precision, threshold),
+        Search::Five => builder.build_ploc_from_leaves::<5, false>(&mut tree, cube, precision, threshold),
+        Search::ThirtyTwo => builder.build_ploc_from_leaves::<32, false>(&mut tree, cube, precision, threshold),
     }
     drop(builder);
     if progress.is_cancelled() {

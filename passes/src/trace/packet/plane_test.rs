@@ -12,8 +12,8 @@
 //! the largest distances of the scene's bounds from the origin. In `f32`, `n · (a - o)` errs by at most 18 u R and, for a unit direction,
 //! `n · d` by 18 u. The watertight test may accept a ray whose line misses the triangle by 10 u R along two axes, so the bounds that it
 //! clamps the distance to may be those of a plane that is 25 u R away; rounding makes them 3 u wider, and the conversion of the distance
-//! from `f64` adds 1 u. Where `p` and `q` are farther from 0 than [`DOUBT`] times these units, these errors do not change the verdict, and
-//! the watertight test agrees. All other rays go to the watertight test. `t_max` may be infinite; then `q` is `n · d`.
+//! from `f64` adds 1 u. Where `p` and `q` are farther from 0 than [`DOUBT`] times the units `u R` and `u`, these errors do not change the
+//! verdict, and the watertight test agrees. All other rays go to the watertight test. `t_max` may be infinite; then `q` is `n · d`.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 

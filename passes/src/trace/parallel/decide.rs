@@ -41,7 +41,7 @@ pub(crate) fn decide<S: Simd>(simd: S, tree: &WideTree, estimates: &Estimates, d
 struct Doubts<'a> {
     /// Id of the triangle that each ray leaves.
     triangle: &'a [[u32; PACKET]; TOGETHER],
-    /// Rays that are open unless they are in the mask of blocked rays; undecided rays are removed.
+    /// Rays that no test has left undecided. Those of them that are not blocked are open.
     open: [Mask; TOGETHER],
 }
 

@@ -14,8 +14,9 @@
 //!   [`OFFSET_REACH`] / 4 of the triangle's extent: the distance to a corner is taken as the middle of its range, which is half the extent
 //!   wide.
 //!
-//! The code uses a bound about twice as large. It holds for positions whose projection is farther from the borders than rays are moved
-//! inward, and for triangles that are not so thin that `f64` loses more than `f32` does; other positions get no estimate.
+//! The code uses a bound about twice as large. It holds on two conditions: the projection of the position is farther from the triangle's
+//! borders than rays are moved inward, and the triangle is wide enough that `f64` loses less than `f32` does. Other positions get no
+//! estimate.
 
 use super::list::List;
 use super::projection::ProjectedRays;

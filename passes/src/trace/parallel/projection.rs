@@ -7,9 +7,9 @@
 //! is hit if the edge functions, products of coordinates up to `D`, are positive by 30 u S D, where `D` is the extent of the triangle and
 //! of all points. With the rounding of the products both bounds are below [`EDGE_UNITS`] u S D.
 //!
-//! The watertight test decides the side of a plane on which a ray starts by an `f64` distance. So for misses only the rounding here counts:
-//! by axis, [`HEIGHT_UNITS`] u times the products that make up the normal and the distances that it is multiplied by. Bounding each axis
-//! separately loses nothing where a triangle lies flat along an axis. For hits, [`DOUBT`] is added.
+//! The watertight test decides the side of a plane on which a ray starts by an `f64` distance. So for misses only the rounding here counts.
+//! Along each axis it is [`HEIGHT_UNITS`] u times the products that make up the normal's component, times the distance that multiplies the
+//! component. Bounding each axis separately loses nothing where a triangle lies flat along an axis. For hits, [`DOUBT`] is added.
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 

@@ -66,7 +66,7 @@ fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_f
     var through = stratum.through * filter_;
     if ways.enters && !splits { through += stratum.back; }
     if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)⟨, ways.on_cone⟩); }
-    // The reflection by another normal than that of the first stratum, which few surfaces have.
+    // Light of the stratum that is reflected by another normal than light of the first stratum. That is rare.
     let apart = ways.is_flat != is_flat && !(ways.enters && !splits);
     if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u⟨, ways.back_cone⟩); }
 }

@@ -53,7 +53,7 @@ fn turned_from(base: Turned, more: f32, index: f32) -> Turned {
     let below = 0.5 * square * (1.0 - square / 12.0);
     let sin_change = base.cos * sin_more - base.sin * below;
     let cos = base.cos - (base.sin * sin_more + base.cos * below);
-    // The changes of the angle inside, and of the angle between both. Light is turned by twice the latter.
+    // The changes of the angle inside, and of the angle of incidence minus the angle inside. Light is turned by twice that difference.
     let inner_change = sin_change / index;
     let inner_sin = base.inner_sin + inner_change;
     let lower = inner_change * (base.inner_sin + inner_sin);
@@ -116,7 +116,7 @@ fn mean_of(bundle: Bundle, aim: Aim) -> Turned {
 // Finds the bundles that reach a point at the distance `aim.x` from the axis, which is not below 0. Each is handed to `take_bundle` with its mean ray
 // and the side on which it met the sphere. `kept_by` gives the share that a ray keeps in the sphere.
 //
-// In each cell between two nodes, the distance rises, falls, or turns once. A turn divides the cell into the parts before and behind it.
+// In each cell between two nodes, m rises, falls, or turns once. A turn divides the cell into the parts before and behind it.
 fn find_bundles(both_sides: Aim) {
     var aim = both_sides;
     let far = abs(aim.x.h) + abs(aim.z.h);
@@ -154,7 +154,7 @@ fn find_bundles(both_sides: Aim) {
                 base = turned_at(aim, cell);
                 next = turned_at(aim, cell + 1u);
             }
-            // The place where the distance turns, and the distance there.
+            // The place where m turns, and m there.
             var top = vec2f(STEP, next.miss);
             for (var part = 0u; part < select(1u, 2u, turns && is_cell); part += 1u) {
                 var found: Bundle;

@@ -21,7 +21,8 @@ fn seen_from_eye(pixel: Pixel, color: vec3f) -> vec3f {
     return color * kept_to_eye(pixel, atomicLoad(&ray_counts[AROUND_EYE + length - 1u]));
 }
 
-// Refraction by the normal that bends light, or by the flat surface's where the former would send refracted light back to the viewer's side.
+// Refraction at a surface by its `interface_normal`. Where that normal would send refracted light back to the viewer's side, the geometric
+// normal is used.
 struct Bend { normal: vec3f, meeting: Interface, enters: bool, refracted: vec3f }
 fn bent_by(body: Body, normal: vec3f, view: vec3f, ratio: f32) -> Bend {
     let meeting = face_of(body, -dot3(normal, view), ratio);

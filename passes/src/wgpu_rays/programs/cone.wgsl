@@ -15,8 +15,8 @@ const SHARPEST: f32 = 1.0 / 4096.0;
 const EDGE_UNIT: f32 = 2.0 * EDGE_ERROR;
 
 // `a`, `b`, `c`: normals of the planes through the origin and each edge, pointing towards the triangle, divided by their error bounds.
-// Their fourth components: `direction . normal` up to which the triangle is certainly missed, and the value from which on it is certainly
-// hit if the ray passes within the edges. `normal`, the normal of the triangle, points away from the origin.
+// The fourth components of `a` and `b`: `direction . normal` up to which the triangle is certainly missed, and the value from which on it
+// is certainly hit if the ray passes within the edges. `normal`, the normal of the triangle, points away from the origin.
 struct Facet { a: vec4f, b: vec4f, c: vec4f, normal: vec4f }
 
 fn largest(p: vec3f) -> f32 { return most3(abs(p)); }

@@ -1,4 +1,4 @@
-// The reflectance of a surface of glass, Fresnel's or one of its own, and the refracted direction (`interface_of` of `optics.rs`).
+// The reflectance of a surface of glass, Fresnel's or its own, and the cosine of the refracted ray (`interface_of` of `optics.rs`).
 fn face_of(body: Body, cosine: f32, ratio: f32) -> Interface {
     var face = interface_at(cosine, ratio);
     let is_total = face.cos_refracted == 0.0 && face.reflectance >= 1.0;

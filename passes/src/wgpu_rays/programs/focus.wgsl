@@ -1,7 +1,8 @@
 // Light that glass focuses on surfaces: the light of photons (`photons.wgsl`), and in scenes with exact spheres the light of these (`lens.wgsl`).
 
 // A point of a surface, and the values by which it is lit: its position; the start of rays, the normal along which they are offset, and the
-// offset; the side that is lit; the normal by which it was lit, its cosine with the light, and the light's part of its colour beside AMBIENT.
+// offset; the side that is lit; the normal by which it was lit, and its cosine with the light; and the factor of the light in its colour
+// (`tint`), where AMBIENT has the factor 1.
 struct Lit { position: vec3f, start: vec3f, offset: vec3f, step: f32, facing: vec3f, normal: vec3f, cosine: f32, tint: vec3f }
 fn tint_of(triangle: u32) -> vec3f {
     let shade = shade_of(triangle);

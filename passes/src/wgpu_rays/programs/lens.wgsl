@@ -2,8 +2,8 @@
 
 fn point_place(point: u32) -> u32 { return lenses_at() + LENS_HEAD + 2u * point; }
 
-// The state of the search: the sphere and its material; the plane of the point, the sphere's centre and the light, given by the direction from the
-// axis to the point and that of the light; and the sum of the light that is found.
+// The state of the search: the sphere and its material; two unit vectors in the plane through the point, the sphere's centre and the light,
+// namely the direction from the axis to the point and the direction in which light travels; and the sum of the light that is found.
 var<private> lens: Lens;
 var<private> lens_body: Body;
 var<private> side_of_point: vec3f;

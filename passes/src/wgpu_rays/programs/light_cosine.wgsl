@@ -1,7 +1,4 @@
-// The share of a surface's colour that is left by the shadows of several lights (`effects/lights.rs`). A program's `light_reaches` follows a
-// ray to the current light, and returns the share of it that passes.
-
-// The cosine of a light at a point.
+// The cosine of a light at a point (`cosine_at` of `effects/lights.rs`); `towards` is the unit direction to the light.
 fn light_cosine(shade: Shade, triangle: u32, position: vec3f, towards: vec3f) -> f32 {
     if (shade.flags & SHADE_NORMAL_MAP) != 0u && params.has_normals != 0u {
         var hit = shading.hit;

@@ -1,4 +1,4 @@
-// For lights that are discs: from now on, shadow rays follow a segment on which light comes that exact spheres focus.
+// For lights that are discs: from now on, shadow rays follow a segment of the path of light that exact spheres focus.
 fn look_along(direction: vec3f, length: f32) {
     light_direction = direction;
     light_length = length;

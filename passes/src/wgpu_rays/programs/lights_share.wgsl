@@ -1,5 +1,9 @@
-// By colour, the light that reaches a point from the direction `towards`; for a disc, the mean over it. A direction from which the side is dark
-// gives the value for shadow, without a ray. The test whether the point is cut off from its triangle's round surface is made once.
+// The share of a surface's colour that the shadows of several lights leave (`effects/lights.rs`). A program's `light_reaches` follows a ray
+// to the current light, and returns the share of that light that passes.
+
+// By colour, the share of a light that reaches a point from the direction `towards`; for a disc, the mean over it. A direction from which
+// the side is dark gives the value for shadow, without a ray. The test whether the point is cut off from its triangle's round surface is
+// made once.
 fn light_seen(accept: u32, point: SurfacePoint, facing: vec3f, triangle: u32, light: Light, towards: vec3f, number: u32) -> vec3f {
     let has_place = (light.flags & LIGHT_PLACE) != 0u;
     let is_disc = disc_samples() > 0u && !has_place;

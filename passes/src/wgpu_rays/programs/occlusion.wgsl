@@ -14,6 +14,7 @@ fn occlusion(accept: u32, surface: Surface, key: u32) -> f32 {
         if !occluded(accept, Ray(origin, above, 0.0, params.radius)) { open += 1u; }
     }
     rays[OCCLUSION] += params.samples;
+    note_cut_loops();
     return table_number(params.open_share_at + open);
 }
 
@@ -32,5 +33,6 @@ fn thesis_occlusion(accept: u32, position: vec3f, normal: vec3f) -> f32 {
         count(OCCLUSION);
         if !occluded(accept, Ray(position, direction, THESIS_EPSILON, params.radius)) { open += 1u; }
     }
+    note_cut_loops();
     return table_number(params.open_share_at + open);
 }

@@ -43,8 +43,8 @@ struct Params {
     decoded_at: u32,
     // Offset of the vertex colours in `vertices`.
     colors_at: u32,
-    // Colour of rays that leave the scene. Then the offset in `tables` of the glass data, whose first word says whether light passes
-    // straight through glass; 0 where all glass is panes.
+    // Colour of rays that leave the scene. Then the offset in `tables` of the glass data, whose first word says how light passes glass
+    // (`BODY_HEAD` in `layout.rs`); 0 where all glass is panes.
     beyond: vec3f,
     bodies_at: u32,
     // Offset of the tangents in `vertices`; 0 where there are none.
@@ -74,5 +74,5 @@ struct Params {
 
 // Group 1, the scene, is declared by `split.rs`.
 
-// Data of the pass: materials, textures, occlusion points, open shares, transmission through glass, and glass data.
+// Data of the pass: materials, textures, occlusion points, open shares, transmission through glass, glass data, lights and photons.
 @group(2) @binding(0) var<storage, read> tables: array<u32>;

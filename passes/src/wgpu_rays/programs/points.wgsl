@@ -10,6 +10,7 @@
 //      Later, with up to 128 occlusion rays, one bit for each ray that is still to be traced
 //   5: number of rays known to be open; the distance before which nothing stops the remaining rays; the node that contains everything
 //      that they may hit, or NONE where no ray remains
+// Where glass focuses light, vectors 4 and 5 hold what `list_focused.wgsl` says until `final_focus.wgsl` has run.
 @group(0) @binding(7) var<storage, read_write> points: array<vec4u>;
 const POINT: u32 = 6u;
 // Value for a pixel whose points did not fit: one thread computes the pixel from beginning to end.

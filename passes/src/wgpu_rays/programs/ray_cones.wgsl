@@ -1,5 +1,5 @@
-// Ray cones (`effects/ray_cone.rs`): at which mip level textures are read at hits. The texts that use them have what is theirs between
-// ⟨ and ⟩, which is left out where all textures are read at level 0.
+// Ray cones (`effects/ray_cone.rs`): at which mip level textures are read at hits. Other texts have their code for ray cones between
+// ⟨ and ⟩; it is left out where all textures are read at level 0.
 
 // A cone at a point of its axis; both numbers are negative where it converges, or has converged.
 struct Cone { width: f32, spread: f32 }

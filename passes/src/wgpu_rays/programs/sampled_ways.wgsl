@@ -95,8 +95,8 @@ fn add_stratum(sum: ptr<function, Together>, body: Body, ways: Ways, weight: vec
     if ways.enters && splits && !is_black(back) { (*sum).deeper = 1u; }
     if ways.is_flat == (*sum).is_flat && !(ways.enters && !splits) { (*sum).back += back; }
 }
-// Divides the spectrum: reflected light stays together and waits, and the strata follow. Returns the share that enters. Light of the reference
-// wavelength has the weight by which those of the strata differ from 1.
+// Divides the spectrum: reflected light stays together and waits, and the strata follow. Returns the share that enters. The weight of light
+// of the reference wavelength is 1 minus the sum of the strata's weights.
 fn disperse(body: Body, border: Border) -> vec3f {
     let reference = ways_of_stratum(body, border, asked(HEAD_STRATUM_COUNT));
     let ways = ways_by_color();
@@ -126,7 +126,7 @@ fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_f
     // The importance excludes the weight of the stratum, so that cut-offs do not depend on the number of ways.
     now.path.importance /= most3(abs(share));
     if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)⟨, ways.on_cone⟩); }
-    // The reflection by another normal than that of the reference wavelength, which few surfaces have.
+    // Light of the stratum that is reflected by another normal than light of the reference wavelength. That is rare.
     let apart = ways.is_flat != is_flat && !(ways.enters && !splits);
     if apart && !is_black(back) { follow(ways.mirrored, back, now.path.media, REFLECTED, 0u⟨, ways.back_cone⟩); }
 }

@@ -1,7 +1,7 @@
 // What rays hit: rays, hits, vertex attributes, textures, materials, and cut-outs.
 //
-// What stands between ⟨ and ⟩, here and in other texts, is there for ray cones only (`ray_cones.wgsl`); what stands between ⦃ and ⦄ is there only
-// where glass focuses light (`focus.wgsl`).
+// Here and in other texts, code between ⟨ and ⟩ is for ray cones only (`ray_cones.wgsl`), and code between ⦃ and ⦄ is only for passes where
+// glass focuses light (`focus.wgsl`).
 
 // Hits have t_min < t < t_max.
 struct Ray { origin: vec3f, direction: vec3f, t_min: f32, t_max: f32 }

@@ -149,5 +149,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         settle(point, has_fan(point, end), point < end);
         workgroupBarrier();
     }
+    note_cut_loops();
     count_rays(place);
 }

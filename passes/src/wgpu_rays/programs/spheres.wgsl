@@ -1,5 +1,5 @@
-// Exact spheres (`trace/spheres`, `trace/origin/sphere_point.rs`): the test of a ray, a tree over many, and points on them. Texts that know
-// them have what is theirs between ⟪ and ⟫, which is left out where the scene has none.
+// Exact spheres (`trace/spheres`, `trace/origin/sphere_point.rs`): the test of a ray, a tree over many, and points on them. Other texts
+// have their code for spheres between ⟪ and ⟫; it is left out where the scene has none.
 //
 // The test has the processor's numbers step by step. Drivers may round roots and quotients in any way, so these are corrected. Whether a sphere is
 // hit, and whether a ray that starts on it leaves it, then does not depend on the driver.

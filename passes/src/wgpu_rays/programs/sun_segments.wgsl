@@ -1,5 +1,5 @@
-// One directional light that is a point, as in `sun.wgsl`, and the segments on which light comes that exact spheres focus: shadow rays then follow
-// the segment. Replaces `sun.wgsl` where glass focuses light.
+// One directional light that is a point, as in `sun.wgsl`. Light that exact spheres focus comes along several segments; shadow rays can
+// follow one of them instead of the way to the light. Replaces `sun.wgsl` where glass focuses light.
 var<private> is_segment: bool;
 var<private> segment_direction: vec3f;
 var<private> segment_length: f32;

@@ -131,7 +131,8 @@ fn horizon(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
     if !normals.is_round { return facing; }
     return weighed_normals(normals, locate(triangle, point.position));
 }
-// Whether a side gets no light at such a point: the triangle, or the round surface that it stands for, is turned away from the light.
+// Whether a side of a triangle gets no light at a point: the side, or the round surface that the triangle stands for, is turned away from
+// the light.
 fn is_turned(triangle: u32, point: SurfacePoint, facing: vec3f) -> bool {
     if dot3(facing, to_light()) <= 0.0 { return true; }
     let normals = round_normals(triangle, facing);

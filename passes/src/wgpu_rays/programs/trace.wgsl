@@ -46,5 +46,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         if traces { points[POINT * point + 5u].x = known.x + atomicLoad(&open_counts[lane]); }
         workgroupBarrier();
     }
+    note_cut_loops();
     count_rays(place);
 }

@@ -30,8 +30,8 @@ struct Meeting { hit: Hit, surface: Surface, view: vec3f, weight: vec3f, path: P
 const WHOLE: u32 = 0u;
 const BY_FACET: u32 = 1u;
 const BY_COLOR: u32 = 2u;
-// A meeting whose path is divided: the kind of division; for strata, whether the flat surface served the first one; the next way, the number of
-// ways, and the number of branches that waited before.
+// A meeting whose path is divided: the kind of division; for strata, whether the first way was bent by the geometric normal (`Ways`); the
+// next way, the number of ways, and the number of branches that waited before.
 struct Division { at: Meeting, part: u32, is_flat: bool, following: u32, ways: u32, base: u32 }
 
 // The remaining work of a pixel's walk. One branch for each split may wait, one that colours share, and one that they do not share.
@@ -142,8 +142,8 @@ fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
     return true;
 }
 
-// Both ways on from the surface of a body: the reflectance, the two directions, the shares that other facets leave of them, and whether the flat
-// surface served.
+// Both ways on from the surface of a body: the reflectance, the two directions, the shares that other facets leave of them, and whether
+// `bend` used the geometric normal.
 struct Ways { reflectance: f32, mirrored: vec3f, enters: bool, refracted: vec3f, kept: vec2f, is_flat: bool⟨, back_cone: Cone, on_cone: Cone⟩ }
 // The side of the surface to which a direction goes, by the interpolated normal and by the triangle; 0 where these differ.
 fn side_of(direction: vec3f) -> f32 {
@@ -215,7 +215,7 @@ fn meet_flat(body: Body) -> vec3f {
 }
 
 // The effect of glass on the path that meets it; returns the weight of the light that the glass scatters back. `part` is WHOLE for the first
-// visit, or else the division that goes on. For a stratum, `is_flat` tells whether the flat surface served the first stratum.
+// visit, or else the division that goes on. For a stratum, `is_flat` tells whether the first way was bent by the geometric normal.
 fn meet(part: u32, is_flat: bool) -> vec3f {
     if now.path.surfaces >= MOST_SURFACES {
         count(LOST);

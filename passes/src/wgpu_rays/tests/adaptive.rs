@@ -111,7 +111,7 @@ fn expected(world: &World, job: &RayJob<'_>, asked: &[(usize, [u32; 3])]) -> Vec
 }
 
 /// Follows some ways of all pixels that show glass, and compares colours and stochastic events with the processor's. `events` are the bits that many
-/// paths must have. `room` are the numbers of points for which lists have room.
+/// paths must have. The test runs once for each of `rooms`: a greatest number of points in the list, or `None` for no limit.
 fn same_paths(world: &World, program: RayProgram, params: RayParams, events: u8, rooms: &[Option<u32>]) -> Option<()> {
     let mut rays = rays_in_turn()?;
     let shot = shot(world, EYE);
@@ -195,13 +195,13 @@ fn light_at_the_ends_of_a_samples_paths_is_that_of_the_processor() {
     same_paths(&both_ways, RayProgram::Final, params, 3, &[None, Some(0)]);
 }
 
-/// The mean squared difference over this number of pixels, its root.
+/// The root mean square difference of the colours. The sum over all pixels is divided by this number of pixels.
 fn off(found: &[[f32; 4]], expected: &[[f32; 4]], pixels: u64) -> f64 {
     let channels = |pair: (&[f32; 4], &[f32; 4])| (0..3).map(|i| f64::from(pair.0[i] - pair.1[i]).powi(2)).sum::<f64>();
     (found.iter().zip(expected).map(channels).sum::<f64>() / (3.0 * pixels as f64)).sqrt()
 }
 
-/// A backend for a world, its processor's twin, and a job of a few pixels, whose parameters `test` chooses.
+/// Calls `test` with a wgpu backend, a processor backend and a job of a few pixels of the world. `test` chooses the job's parameters.
 fn with_both(world: &World, program: RayProgram, test: impl FnOnce(&mut WgpuRays, &mut CpuRays, &RayJob<'_>)) {
     let Some(mut rays) = rays_in_turn() else { return };
     let shot = Shot::of(world, EYE, grid(SIDE, EYE - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2)).rows(SIDE);

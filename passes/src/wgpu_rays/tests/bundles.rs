@@ -68,7 +68,7 @@ fn cases() -> Vec<Case> {
     for (ball, index) in INDICES.into_iter().enumerate() {
         let mut add = |x: f64, y: f64, width: f32| {
             if x * x + y * y > 1.02 && x >= 0.0 {
-                // Programs get positions of 48 bits, as those of surfaces.
+                // Programs get positions in two numbers, which have 48 bits together.
                 cases.push(Case { ball, at: DVec2::new(x, y), width });
             }
         };

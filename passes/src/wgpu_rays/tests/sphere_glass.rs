@@ -102,7 +102,7 @@ fn impact(b: f64, index: f64) -> (f64, f64) {
     (0.5 * (across * across + along * along), 2.0 * inner)
 }
 
-/// R + (1-R)² a / (1 - R a), with a = exp(-sigma 2 r cos t): through the centre exp(-sigma 2 r).
+/// The colour is R + (1-R)² a / (1 - R a), with a = exp(-sigma 2 r cos t). Through the centre of a sphere of index 1 it is exp(-sigma 2 r).
 #[test]
 fn a_sphere_in_a_white_environment_has_the_closed_form() {
     let Some(mut rays) = rays_in_turn() else { return };

@@ -77,7 +77,8 @@ impl<'a> Oracle<'a> {
         open
     }
 
-    /// Vector `T` of a slice, and the jitters of its sides.
+    /// The unit vector `T` of a slice, perpendicular to the direction to the eye (see `raster::effects::occlusion`), and the jitters of the
+    /// slice's two sides.
     fn slice(&self, [x, y]: [u32; 2], index: u32, to_eye: DVec3) -> (DVec3, [f64; 2]) {
         let bits = occlusion_bits(x, y, self.job.seed);
         let offset = f64::from(unit(bits[0]));

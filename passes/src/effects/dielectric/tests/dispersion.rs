@@ -96,7 +96,7 @@ fn a_prism_turns_each_wavelength_by_the_closed_form() {
     assert!(widest[1] - widest[0] > 3.0, "{widest:?}");
 }
 
-/// By wavelength and colour: sum of w (R + (1-R)² a / (1 - R a)).
+/// The sum over wavelengths of w (R + (1-R)² a / (1 - R a)), by colour: w is the weight of the wavelength, and a the transmittance across.
 #[test]
 fn a_plate_that_disperses_is_the_weighted_sum_of_its_colours() {
     let sigma = Vec3::new(0.0, 0.5, 2.0);

@@ -281,7 +281,7 @@ fn what_is_opaque_before_and_behind_the_glass_stops_its_light() {
     assert!(at(&free, Vec3::ZERO) > 4.0, "{}", at(&free, Vec3::ZERO));
     let before = with(Vec3::Z * 5.0, 2.0);
     assert_eq!((before.counts.landed, before.counts.lost, at(&before, Vec3::ZERO)), (0, 0, 0.0));
-    // The quad stops half of the ball's light. Light that the ball mirrors up to the quad lands there, a twentieth.
+    // The quad stops half of the ball's light. Some light that the ball mirrors upwards lands on the quad: about a twentieth.
     let partly = with(Vec3::new(2.0, 0.0, 5.0), 2.0);
     let share = partly.counts.landed as f64 / free.counts.landed as f64;
     assert!((0.49..0.55).contains(&share), "{share}");

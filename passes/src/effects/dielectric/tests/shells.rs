@@ -58,7 +58,7 @@ impl Shell {
             return outer + (1.0 - outer).powi(2) * a / (1.0 - outer * a);
         }
         let across = (-self.sigmas[0] * (cos(t) - self.cavity * cos(at_cavity))).exp();
-        // The share that the cavity returns of the light that comes to it, on the same side or on the other one.
+        // Of the light that comes to the cavity, the share that leaves it again, on the same side or on the other one.
         let sends = match self.way(b) {
             Way::Mirrored => 1.0,
             _ => {

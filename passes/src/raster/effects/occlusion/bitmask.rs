@@ -30,11 +30,11 @@ struct Sectors {
 /// of the method by horizons. The differences from the paper:
 /// - Sectors have equal contributions, not equal angles, so a slice's share is the number of its open sectors. The
 ///   contribution from `V` to an angle `h` is `arc(h)` of the horizons.
-/// - A sector is shut if one angle in it is hidden. That angle is random for each pixel, so nothing is rounded to whole
-///   sectors.
+/// - Each sector is tested at a single angle, and is shut if that angle is hidden. The angle's place within its sector is
+///   random for each pixel, so nothing is rounded to whole sectors.
 /// - The back of a sample lies behind its front along the line from the eye, not along `V`.
-/// - Only the part of a sample within the radius counts, as a ray of this length would meet only that. The part may
-///   begin behind the front.
+/// - Only the part of a sample within the radius counts, as a ray as long as the radius would meet only that part. The
+///   part may begin behind the front.
 #[inline(always)]
 pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
     let (mut taken, mut all) = ([0.0; WIDE], [0.0; WIDE]);

@@ -70,9 +70,9 @@ pub(super) fn angle(across: f32, along: f32) -> Angle {
 /// `x`, 0..=1, to a power of at least 0. Exactly 1 where `x` is 1 or the exponent is 0; exactly 0 where `x` is 0 and
 /// the exponent is not. Error below 3e-7.
 ///
-/// `2^(exponent log2 x)`: with `x = 2^e m` and `m` between `√½` and `√2`, the logarithm of `m` is `2 artanh((m - 1) / (m + 1))`,
-/// whose series is cut after the ninth power (relative error below 2e-9), and that of the exponential function after the
-/// seventh (1e-8).
+/// The power is `2^(exponent log2 x)`. With `x = 2^e m` and `m` between `√½` and `√2`, the logarithm of `m` is
+/// `2 artanh((m - 1) / (m + 1))`. The series of `artanh` is cut after the ninth power (relative error below 2e-9), the series of
+/// the exponential function after the seventh (1e-8).
 #[must_use]
 #[inline(always)]
 pub fn power(x: f32, exponent: f32) -> f32 {

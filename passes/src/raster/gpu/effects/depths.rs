@@ -6,11 +6,11 @@
 
 use super::bindings::{bind, layout, uniform};
 use super::inputs::Inputs;
-use super::kept::Kept;
 use super::programs::compute_pipeline;
 use super::shader::{self, LARGE_GROUP};
 use super::uniforms::DepthsUniform;
 use crate::raster::effects::screen::camera::ScreenCamera;
+use crate::raster::gpu::cache::Kept;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::resources::texture;
 use curitiba_pipeline::backend::BackendError;
@@ -56,10 +56,10 @@ impl Depths {
         self.pictures.values().map(|picture| 4 * u64::from(picture.size.0) * u64::from(picture.size.1)).sum()
     }
 
-    /// Makes the depths of a picture of this size available; returns whether their texture is new.
-    pub fn require(&mut self, gpu: &Gpu, size: (u32, u32)) -> Result<bool, BackendError> {
+    /// Makes the depths of a picture of this size available. `release` is as in [`Kept::require`].
+    pub fn require(&mut self, gpu: &Gpu, size: (u32, u32), release: impl FnOnce()) -> Result<(), BackendError> {
         let (layout, uniform) = (&self.layout, &self.uniform);
-        let made = self.pictures.require(gpu, size, |(width, height)| {
+        self.pictures.require(gpu, size, release, |(width, height)| {
             let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
             let texture = texture(gpu, "depths", FORMAT, [*width, *height], usage);
             gpu.check("creation of the depths of an occlusion")?;
@@ -69,7 +69,7 @@ impl Depths {
             gpu.check("binding of the depths of an occlusion")?;
             Ok(Picture { size: (*width, *height), view, group })
         })?;
-        Ok(made.1)
+        Ok(())
     }
 
     /// The depths that were [required](Self::require) last; `None` before that.

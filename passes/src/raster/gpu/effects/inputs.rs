@@ -1,7 +1,7 @@
 //! The G-buffer as programs read it: the attachments of the last draw, or textures uploaded from host memory.
 
 use super::bindings;
-use super::kept::Kept;
+use crate::raster::gpu::cache::Kept;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::{failure, unsupported};
 use crate::raster::gpu::resources::texture;
@@ -105,7 +105,9 @@ impl Inputs {
             bytemuck::cast_slice(job.triangle),
         ];
         let mut uploads = std::mem::take(&mut self.uploads);
-        let result = uploads.require(gpu, (job.width, job.height, wanted), |(width, height, wanted)| {
+        // The bind group of an upload belongs to the upload, so there is nothing else to release.
+        let release = || {};
+        let result = uploads.require(gpu, (job.width, job.height, wanted), release, |(width, height, wanted)| {
             let channels: [Option<wgpu::Texture>; 4] = std::array::from_fn(|channel| {
                 let format = CHANNEL_FORMATS[channel];
                 wanted[channel].then(|| texture(gpu, CHANNELS[channel], format, [*width, *height], UPLOADED))
@@ -119,7 +121,7 @@ impl Inputs {
             let bytes = u64::from(*width) * u64::from(*height) * texels.sum::<u64>();
             Ok(Upload { channels, group, bytes })
         });
-        let filled = result.and_then(|(upload, _)| {
+        let filled = result.and_then(|upload| {
             let channels = upload.channels.iter().zip(data);
             channels
                 .filter_map(|(channel, data)| Some((channel.as_ref()?, data)))

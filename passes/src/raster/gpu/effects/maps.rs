@@ -173,7 +173,7 @@ fn check_size(gpu: &Gpu, what: &str, size: u32) -> Result<(), BackendError> {
 }
 
 /// Draws one picture for each of `shots` into `maps`, colours or depths, without the materials in `left_out`, and
-/// waits. Returns the time, and the number of triangles submitted.
+/// waits. If the pass is given up, the remaining pictures are not drawn. Returns the time, and the number of triangles submitted.
 pub fn draw(
     context: &mut Context<'_>,
     draws: &mut DrawList,
@@ -208,8 +208,12 @@ pub fn draw(
     let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
     draws.leave_out(left_out);
     draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster)?;
+    let doing = "drawing a map";
     let mut device = None;
     for (index, shot) in shots.iter().enumerate() {
+        if gives_up(gpu, progress, doing)? {
+            return Ok((Part { host: start.elapsed(), device: None }, draws.triangles() * index as u64));
+        }
         let (is_first, is_last) = (index == 0, index + 1 == shots.len());
         let layer = shot.layer as usize;
         draws.look(gpu, &shot.view, maps.size, job.sun)?;
@@ -246,11 +250,20 @@ pub fn draw(
             }
             draws.record(&mut pass, pipelines, geometry, textures);
         }
-        let doing = "drawing a map";
         device = submit(gpu, *timer, encoder, is_last, doing)?;
         progress.advance(1);
     }
     Ok((Part { host: start.elapsed(), device }, draws.triangles() * shots.len() as u64))
+}
+
+/// Whether a series of submissions ends here because the pass is given up. Then it waits for those made so far. The series has no time: the
+/// timestamps of its begin are written again by the next series before they are read.
+pub fn gives_up(gpu: &Gpu, progress: &Progress, doing: &str) -> Result<bool, BackendError> {
+    let ends = progress.is_cancelled();
+    if ends {
+        gpu.submit_and_wait(None, doing)?;
+    }
+    Ok(ends)
 }
 
 /// Submits the commands. After the last submission of a series it waits, and returns the time of the whole series where

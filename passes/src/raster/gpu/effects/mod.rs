@@ -12,7 +12,6 @@ mod bindings;
 mod depths;
 pub(crate) mod filter;
 mod inputs;
-mod kept;
 mod maps;
 mod prepare;
 mod programs;
@@ -23,6 +22,7 @@ mod survey;
 mod table;
 mod uniforms;
 
+use super::cache::Kept;
 use super::device::Gpu;
 use super::draws::DrawList;
 use super::faults::{failure, unsupported};
@@ -47,7 +47,6 @@ use curitiba_pipeline::scene::TriangleRanges;
 use depths::Depths;
 use filter::{Filtered, ShareFilter};
 use inputs::{Inputs, Ready};
-use kept::Kept;
 use maps::{Maps, MapsKey, Shot};
 use programs::{Bound, OUTPUT_FORMAT, Program, SHARE_FORMAT, Task};
 use rayon::prelude::*;
@@ -84,7 +83,8 @@ pub(super) struct Effects {
     /// Pictures that filter levels read. The second has the result of the first, third, … level; the first has the occlusion, and then the
     /// result of the second, fourth, … level.
     shares: [Kept<(u32, u32), Output>; 2],
-    /// Bind group 1 of programs, by output and maps. Groups of dropped resources are removed.
+    /// Bind group 1 of programs, by output and maps. Groups keep their resources in memory, so they are removed before resources are
+    /// dropped.
     groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
     boxes: Table,
@@ -131,8 +131,8 @@ impl Output {
 struct Prepared {
     maps: Option<MapsKey>,
     params: Vec<u8>,
-    /// Time that building the pyramid took.
-    building: Part,
+    /// Time that building the pyramid took; `None` if none was built.
+    building: Option<Part>,
 }
 
 /// Approximate number of texels that a program reads for each pixel.
@@ -190,7 +190,7 @@ impl Effects {
     }
 
     /// Runs a pass. `drawn` is the last draw, if that is a whole picture. Without an `output` the picture stays on the
-    /// device as [`Self::picture`].
+    /// device as [`Self::picture`]. If the pass is given up, the picture is not whole, and the `output` keeps its pixels.
     pub fn run(
         &mut self,
         context: &mut Context<'_>,
@@ -239,12 +239,9 @@ impl Effects {
         };
 
         let size = (job.width, job.height);
-        let (_, mut made) = self.outputs.require(gpu, size, |size| Output::new(gpu, OUTPUT_FORMAT, *size))?;
+        self.outputs.require(gpu, size, || self.groups.clear(), |size| Output::new(gpu, OUTPUT_FORMAT, *size))?;
         for shares in self.shares.iter_mut().take(levels(job).min(2) as usize) {
-            made |= shares.require(gpu, size, |size| Output::new(gpu, SHARE_FORMAT, *size))?.1;
-        }
-        if made {
-            self.groups.clear();
+            shares.require(gpu, size, || self.groups.clear(), |size| Output::new(gpu, SHARE_FORMAT, *size))?;
         }
         let group = self.group(gpu, variant, size, prepared.maps)?;
         let Some(program) = self.programs.get(&variant) else { return Ok(stats) };
@@ -261,14 +258,18 @@ impl Effects {
         };
         let bound = Bound { groups: &groups, before: Some(&before) };
         let part = program.run(gpu, context.timer, &bound, &prepared.params, &task, progress)?;
-        stats.pixels = together(part, prepared.building);
+        stats.pixels = together(part, prepared.building.unwrap_or_default());
         if levels(job) > 0 {
             let part = self.average(context, job, &gbuffer, progress)?;
             stats.pixels = together(stats.pixels, part);
         }
         stats.pixels.host += asking;
+        if progress.is_given_up() {
+            return Ok(stats);
+        }
         if let (Some(marching), true) = (&self.marching, job.program.marches()) {
-            let counted = if called.is_some() { marching.counted(gpu)? } else { [0; 3] };
+            // Building the pyramid clears the counts. Without a pyramid they are those of an earlier run.
+            let counted = if prepared.building.is_some() { marching.counted(gpu)? } else { [0; 3] };
             stats.answers = Some(Answers::new(counted, job.params.missing));
         }
 

@@ -32,7 +32,7 @@ struct Params {
 // A pixel of the picture: `raster::effects::occlusion::pixels`. Its surface point lies on the line of sight through its centre. Vectors in the
 // pixel's basis have components along the direction to the eye and along two perpendicular vectors.
 struct Here {
-    // Column and row, as numbers that `ROUND` is added to.
+    // Column and row, each plus `ROUND`.
     center: vec2<f32>,
     depth: f32,
     // The divisor of columns and rows: the depth, or 1 without perspective.
@@ -41,8 +41,8 @@ struct Here {
     eye: f32,
     // Changes of columns, rows and `w` along the two perpendicular vectors: see `Slice`.
     rates: mat2x3<f32>,
-    // Steps of the position to the next column, row and depth, in the pixel's basis. The steps to columns and rows must be multiplied by the
-    // depth. In perspective, the step to the next depth is along the first axis.
+    // Steps of the position to the next column, row and depth, in the pixel's basis. In perspective, the steps to columns and rows must be
+    // multiplied by the depth, and the step to the next depth is along the first axis.
     right: vec3<f32>,
     down: vec3<f32>,
     sight: vec3<f32>,
@@ -64,7 +64,7 @@ struct Slice {
 
 // The pixel at which a step of a slice arrives.
 struct Found {
-    // Column and row, as numbers that `ROUND` was added to.
+    // Column and row, each plus `ROUND`, which makes the sums whole numbers.
     rounded: vec2<f32>,
     pixel: vec2<u32>,
     // Whether the step arrives inside the picture.

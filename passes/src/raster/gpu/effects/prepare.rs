@@ -18,7 +18,7 @@ use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::effects::{check_map_bytes, cube};
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::{failure, unsupported};
-use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, Part, Rect};
+use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, Rect};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::raster_effects::{EffectProgram, Missing, Parallax};
 
@@ -30,9 +30,7 @@ impl Effects {
             Some(depths) => depths,
             none => none.insert(Depths::new(gpu, &self.inputs)?),
         };
-        if depths.require(gpu, (job.width, job.height))? {
-            self.groups.clear();
-        }
+        depths.require(gpu, (job.width, job.height), || self.groups.clear())?;
         depths.look(gpu, camera);
         let params = bytemuck::bytes_of(&OcclusionUniform::new(job, camera)).to_vec();
         Ok(Prepared { params, ..Prepared::default() })
@@ -93,11 +91,11 @@ impl Effects {
         let camera = ScreenCamera::new(&job.view, job.width, job.height).filter(|_| called);
         let size = if camera.is_some() { [job.width, job.height] } else { [1; 2] };
         let behind = shader::reads_behind(job.program);
-        let new_behind = behind && marching.require_behind(gpu, size)?;
-        if marching.require(gpu, size, job.program.info().name)? || new_behind {
-            self.groups.clear();
+        if behind {
+            marching.require_behind(gpu, size)?;
         }
-        let mut building = Part::default();
+        marching.require(gpu, size, job.program.info().name, || self.groups.clear())?;
+        let mut building = None;
         if let Some(camera) = &camera {
             let mut seen = gbuffer.clone();
             if behind {
@@ -105,7 +103,7 @@ impl Effects {
                 (stats.maps, stats.map_count, stats.triangles, stats.bytes) = (Some(part), 1, triangles, bytes);
                 seen = marching.behind_group(gpu, &self.inputs).ok_or_else(|| failure("there is no picture"))?;
             }
-            building = marching.build(gpu, context.timer, &seen, camera)?;
+            building = Some(marching.build(gpu, context.timer, &seen, camera)?);
         }
         let cubes = camera.is_some() && job.params.missing == Missing::Cube;
         let prepared = self.cube_maps(context, job, cubes, task, stats, progress)?;
@@ -231,12 +229,7 @@ impl Effects {
 
     fn require_maps(&mut self, gpu: &Gpu, program: EffectProgram, key: MapsKey) -> Result<Maps, BackendError> {
         check_map_bytes(program, key.bytes()).map_err(|why| unsupported(program.info().name, &format!("{why};")))?;
-        let (maps, made) = self.maps.require(gpu, key, |key| Maps::new(gpu, *key))?;
-        let maps = maps.clone();
-        if made {
-            self.groups.clear();
-        }
-        Ok(maps)
+        self.maps.require(gpu, key, || self.groups.clear(), |key| Maps::new(gpu, *key)).cloned()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::bindings::{bind, layout, storage, texture, uniform};
 use super::inputs::Inputs;
-use super::maps::submit;
+use super::maps::{gives_up, submit};
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::unsupported;
 use crate::raster::gpu::timer::Timer;
@@ -142,7 +142,7 @@ impl Program {
         Ok(group)
     }
 
-    /// Computes every pixel, split into short submissions, and waits.
+    /// Computes every pixel, split into short submissions, and waits. If the pass is given up, the remaining rows are not computed.
     pub fn run(
         &self,
         gpu: &Gpu,
@@ -157,6 +157,9 @@ impl Program {
         gpu.queue.write_buffer(&self.params, 0, params);
         let mut device = None;
         for band in task.bands() {
+            if gives_up(gpu, progress, doing)? {
+                return Ok(Part { host: start.elapsed(), device: None });
+            }
             let frame = FrameUniform::new(task.width, task.height, band.start, task.id_base);
             gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
             gpu.check(doing)?;

@@ -3,13 +3,13 @@
 use super::Context;
 use super::bindings::{bind, layout, storage, uniform};
 use super::inputs::Inputs;
-use super::kept::Kept;
 use super::maps::submit;
 use super::programs::compute_pipeline;
 use super::shader::{self, GROUP, SUMS};
 use super::uniforms::PyramidUniform;
 use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::effects::screen::pyramid::{Level, levels};
+use crate::raster::gpu::cache::Kept;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::draws::DrawList;
 use crate::raster::gpu::faults::{failure, unsupported};
@@ -92,10 +92,16 @@ impl Marching {
         Some(targets.group.get_or_init(|| inputs.bind(gpu, targets.views())).clone())
     }
 
-    /// Makes a pyramid for pictures of this size available. Returns whether it is new; then an older pyramid may have been dropped.
-    pub fn require(&mut self, gpu: &Gpu, size: [u32; 2], what: &str) -> Result<bool, BackendError> {
+    /// Makes a pyramid for pictures of this size available. `release` is as in [`Kept::require`].
+    pub fn require(
+        &mut self,
+        gpu: &Gpu,
+        size: [u32; 2],
+        what: &str,
+        release: impl FnOnce(),
+    ) -> Result<(), BackendError> {
         let binding_layout = &self.layout;
-        let made = self.pyramids.require(gpu, size, |size| {
+        self.pyramids.require(gpu, size, release, |size| {
             let doing = "creation of the pyramid of depths";
             let known = levels(size[0], size[1]);
             let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
@@ -116,7 +122,7 @@ impl Marching {
             gpu.check(doing)?;
             Ok(Pyramid { nearest, uniforms, levels, groups })
         })?;
-        Ok(made.1)
+        Ok(())
     }
 
     /// Fills the last required pyramid from a G-buffer of its size, and waits.
@@ -173,11 +179,12 @@ impl Marching {
         Ok(sums)
     }
 
-    /// Makes the attachments of a picture without glass of this size available; returns whether they are new.
-    pub fn require_behind(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool, BackendError> {
+    /// Makes the attachments of a picture without glass of this size available.
+    pub fn require_behind(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<(), BackendError> {
         let stored = Stored::new(BEHIND, Attachments::default());
-        let made = self.behind.require(gpu, size, |[width, height]| Targets::new(gpu, *width, *height, stored))?;
-        Ok(made.1)
+        // The bind group of the attachments belongs to them, so there is nothing else to release.
+        self.behind.require(gpu, size, || {}, |[width, height]| Targets::new(gpu, *width, *height, stored))?;
+        Ok(())
     }
 
     /// Draws the last required picture without glass, and waits. Returns the time, the number of triangles submitted,

@@ -16,9 +16,9 @@ struct Params {
     // Number of probes, and number of ranges of glass triangles.
     probes: u32,
     ranges: u32,
-    // Refractive index of a whole pane.
+    // Index of refraction that stands for a whole pane.
     index: f32,
-    // 1 selects Schlick's approximation of Fresnel's equations.
+    // The number of a `Fresnel`: 0 for Fresnel's equations, 1 for Schlick's approximation, 2 and 3 for s-polarised and p-polarised light.
     fresnel: u32,
     thickness: f32,
     // 1: pixels without an answer get the alpha LEFT.

@@ -17,8 +17,9 @@ struct Params {
 @group(1) @binding(1) var<storage, read> glass: array<vec4<u32>>;
 // For each plane: its unit normal, and the square of the greatest sine between it and shading normals.
 @group(1) @binding(2) var<storage, read> normals: array<vec4<f32>>;
-// The first five numbers, of which only one is used, the count of all glass pixels. Then five for each plane: the number of
-// pixels, the complements of the first column and row, and the last column and row. All start at 0.
+// Five numbers for the whole picture, then five for each plane. Of those for the picture, only the first is used: the count of all
+// glass pixels. Those for a plane are the number of pixels, the complements of the first column and row, and the last column and row.
+// All start at 0.
 @group(1) @binding(3) var<storage, read_write> seen: array<atomic<u32>>;
 
 // Each invocation reads several neighbouring pixels of a row. They mostly show the same plane, so the invocation mostly writes once.

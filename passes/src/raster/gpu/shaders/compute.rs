@@ -8,19 +8,21 @@ use super::textures::Textures;
 use super::uniforms;
 use curitiba_pipeline::backend::{BackendError, ComputeJob};
 use curitiba_pipeline::glsl::Program;
-use std::sync::Arc;
+use std::ptr;
+use std::sync::{Arc, Weak};
 
 /// The pipeline of a compute shader, and the layouts of its bind groups.
 #[derive(Debug)]
 struct Kernel {
-    program: Arc<Program>,
+    /// Keeps the program's address from being reused, but not the program alive.
+    program: Weak<Program>,
     /// By sampler: whether it reads a texture unfiltered.
     exact: Vec<bool>,
     pipeline: wgpu::ComputePipeline,
     groups: Groups,
 }
 
-/// The pipelines built so far.
+/// The pipelines of the programs that still exist.
 #[derive(Debug, Default)]
 pub(super) struct Kernels(Vec<Kernel>);
 
@@ -62,11 +64,13 @@ impl Kernels {
         read_stored(gpu, job.program, &storage, buffers)
     }
 
+    /// The pipeline of a program, built unless it exists. Before it is built, pipelines of programs that are gone are dropped.
     fn require(&mut self, gpu: &Gpu, program: &Arc<Program>, exact: &[bool]) -> Result<&Kernel, BackendError> {
-        let same = |kernel: &Kernel| Arc::ptr_eq(&kernel.program, program) && kernel.exact == exact;
+        let same = |kernel: &Kernel| ptr::eq(kernel.program.as_ptr(), Arc::as_ptr(program)) && kernel.exact == exact;
         let index = match self.0.iter().position(same) {
             Some(index) => index,
             None => {
+                self.0.retain(|kernel| kernel.program.strong_count() > 0);
                 let Some(compute) = &program.compute else { return Err(failure("this is no compute shader")) };
                 let (groups, layout) = groups(gpu, program, exact, false);
                 let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -82,10 +86,37 @@ impl Kernels {
                     cache: None,
                 });
                 gpu.check("building the pipeline of a compute shader")?;
-                self.0.push(Kernel { program: Arc::clone(program), exact: exact.to_vec(), pipeline, groups });
+                self.0.push(Kernel { program: Arc::downgrade(program), exact: exact.to_vec(), pipeline, groups });
                 self.0.len() - 1
             }
         };
         Ok(&self.0[index])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::gpu::tests::{own_program, rasteriser};
+    use curitiba_pipeline::glsl::Compute;
+
+    #[test]
+    fn kernels_of_programs_that_are_gone_are_dropped() {
+        let Some(rasteriser) = rasteriser() else { return };
+        let mut kernels = Kernels::default();
+        let mut require = |program: &Arc<Program>| {
+            kernels.require(&rasteriser.gpu, program, &[]).expect("builds");
+            kernels.0.len()
+        };
+        let program = || {
+            let text = "@compute @workgroup_size(1) fn main() {}".to_owned();
+            own_program(Some(Compute { text, group: [1; 3] }))
+        };
+        let kept = program();
+        assert_eq!([require(&kept), require(&kept)], [1, 1]);
+        for _ in 0..3 {
+            assert_eq!(require(&program()), 2);
+        }
+        assert_eq!(require(&kept), 2);
     }
 }

@@ -5,7 +5,8 @@ use super::super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::{BackendError, OwnShaders};
 use curitiba_pipeline::glsl::{Attribute, Blend, BlendFactor, Drawn, Program, SamplerKind, Stage};
 use std::num::NonZeroU64;
-use std::sync::Arc;
+use std::ptr;
+use std::sync::{Arc, Weak};
 
 /// A pipeline and the layouts of its groups.
 #[derive(Debug)]
@@ -73,12 +74,14 @@ struct Key {
     missing: Vec<Attribute>,
 }
 
-/// The pipelines built so far.
+/// The pipelines of the programs that still exist. A weak reference does not keep a program alive, but it keeps the program's address from
+/// being reused.
 #[derive(Debug, Default)]
-pub(super) struct Pipelines(Vec<(Arc<Program>, Key, Built)>);
+pub(super) struct Pipelines(Vec<(Weak<Program>, Key, Built)>);
 
 impl Pipelines {
     /// The pipeline of a program, built unless it exists. An attribute that is `missing` in the scene has the same value at every vertex.
+    /// Before a pipeline is built, those of programs that are gone, as after a project was read again, are dropped.
     pub fn require(
         &mut self,
         gpu: &Gpu,
@@ -87,13 +90,15 @@ impl Pipelines {
         missing: &[Attribute],
     ) -> Result<&Built, BackendError> {
         let key = Key { into, missing: missing.to_vec() };
-        let found = self.0.iter().position(|(known, of, _)| Arc::ptr_eq(known, program) && *of == key);
+        let found =
+            self.0.iter().position(|(known, of, _)| ptr::eq(known.as_ptr(), Arc::as_ptr(program)) && *of == key);
         let index = match found {
             Some(index) => index,
             None => {
+                self.0.retain(|(known, ..)| known.strong_count() > 0);
                 let built = build(gpu, program, &key);
                 gpu.check("building the pipeline of an own shader")?;
-                self.0.push((Arc::clone(program), key, built));
+                self.0.push((Arc::downgrade(program), key, built));
                 self.0.len() - 1
             }
         };
@@ -277,4 +282,27 @@ fn blend_state(Blend { source, destination }: Blend) -> wgpu::BlendState {
     let operation = wgpu::BlendOperation::Add;
     let added = wgpu::BlendComponent { src_factor: factor(source), dst_factor: factor(destination), operation };
     wgpu::BlendState { color: added, alpha: added }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::gpu::tests::{own_program, rasteriser};
+
+    #[test]
+    fn pipelines_of_programs_that_are_gone_are_dropped() {
+        let Some(rasteriser) = rasteriser() else { return };
+        let mut pipelines = Pipelines::default();
+        let mut require = |program: &Arc<Program>, exact: Vec<bool>| {
+            pipelines.require(&rasteriser.gpu, program, Into::quad(exact), &[]).expect("builds");
+            pipelines.0.len()
+        };
+        let kept = own_program(None);
+        // Two pipelines of one program.
+        assert_eq!([Vec::new(), vec![true], Vec::new()].map(|exact| require(&kept, exact)), [1, 2, 2]);
+        for _ in 0..3 {
+            assert_eq!(require(&own_program(None), Vec::new()), 3);
+        }
+        assert_eq!(require(&kept, vec![true]), 3);
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! A compute shader writes the attachments into dense buffers, because the memory layout of textures is known only to
 //! the driver, and copies from textures to buffers pad their rows. Limit: ownership is not transferred between queue
-//! families, which NVIDIA's driver does not require.
+//! families. NVIDIA's driver does not require this transfer.
 
 use super::vulkan::{self, Semaphore};
 use crate::raster::gpu::device::Gpu;

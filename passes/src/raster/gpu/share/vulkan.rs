@@ -1,5 +1,5 @@
-//! Calls of the Vulkan interface beneath wgpu: a device that exports semaphores, and memory and semaphores as file
-//! descriptors. See the Vulkan 1.3 specification, chapters "Resource Creation" (external memory) and "Synchronization"
+//! Calls of the Vulkan interface beneath wgpu. They open a device that can export semaphores, and export memory and
+//! semaphores as file descriptors. See the Vulkan 1.3 specification, chapters "Resource Creation" (external memory) and "Synchronization"
 //! (external semaphores).
 #![allow(unsafe_code, reason = "calls the driver; each block says why what it hands over is valid")]
 

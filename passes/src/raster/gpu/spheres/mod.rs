@@ -7,7 +7,7 @@
 mod record;
 
 use super::device::Gpu;
-use super::faults::{NAME, failure};
+use super::faults::NAME;
 use super::resources::entry;
 use super::shader::{FrameUniform, LIGHTS_BYTES, cut};
 use super::targets::{DEPTH_FORMAT, Stored};
@@ -154,7 +154,7 @@ impl Spheres {
     }
 }
 
-/// Refuses jobs whose spheres cannot be drawn.
+/// Refuses jobs whose spheres cannot be drawn. The check of the scene has already found that every sphere has colours.
 fn check(gpu: &Gpu, job: &RasterJob<'_>, owned: &[bool]) -> Result<(), BackendError> {
     if !gpu.draws_spheres() {
         let why =
@@ -169,10 +169,7 @@ fn check(gpu: &Gpu, job: &RasterJob<'_>, owned: &[bool]) -> Result<(), BackendEr
             "own shaders draw triangles; declare it without exact=\"true\", or give it another material".to_owned();
         return Err(BackendError::Unsupported { backend: NAME, what, why });
     }
-    match spheres.iter().find(|sphere| sphere.material as usize >= job.shades.len()) {
-        Some(sphere) => Err(failure(&format!("material {} has no colours", sphere.material))),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// The records of the spheres that may be seen in a part of the viewport, in the order of their ids. A record does not depend on the

@@ -68,7 +68,7 @@ fn sum_by(a: f32, b: f32, k: f32, c: f32) -> f32 {
     if a * b < 0.0 && abs(k) < 0.5 {
         return c / (a - b);
     }
-    // On the surface itself, only a point that is not on the line leads to a division by 0.
+    // `k` is 0 if the eye is on the sphere. Then one of the two solutions is at infinity: it gets -1, which `depth_of` rejects.
     return select((a + b) / k, -1.0, k == 0.0);
 }
 
@@ -101,7 +101,7 @@ fn line_through(index: u32, pixel: vec2<f32>) -> Line {
     return Line(numbers, ends, square, select(-1.0, sqrt(max(discriminant, 0.0)), discriminant >= 0.0));
 }
 
-// The depth at which a line hits the outer side (root above 0) or the inner side; below 0 if that is not between the near and the far plane.
+// The depth at which a line hits the outer side (root above 0) or the inner side; below 0 if the hit is outside the near and far planes.
 fn depth_of(index: u32, line: Line, root: f32) -> f32 {
     let k = spheres[index].k;
     let axis = spheres[index].axis;

@@ -4,7 +4,7 @@
 use crate::trace::simd::vector::F16;
 use std::arch::x86_64::*;
 
-/// Number of leading values from whose start four numbers can be read within the slice.
+/// Number of values, from the first on, at whose start four numbers can be read without leaving the slice.
 pub(super) const fn readable<const N: usize, const K: usize>(values: &[[f32; N]]) -> usize {
     const { assert!(N >= 3, "else the last values are too near the end") };
     const { assert!(K <= N && K <= 4, "four numbers of a value are read") };
