@@ -85,7 +85,7 @@ fn sphere(center: Vec3, radius: f32) -> Vec<Triangle> {
     triangles
 }
 
-/// The scene's triangles, divided, with the sphere behind them.
+/// The scene's triangles, divided, with the sphere behind them; the number of the scene's triangles; and the number of all triangles.
 fn with_sphere(geometry: &Geometry, eye: Vec3) -> (Geometry, u32, u32) {
     let mut triangles = Vec::new();
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);

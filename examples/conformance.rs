@@ -5,6 +5,7 @@
 //! Fails where a picture differs by more than its limit: see `curitiba::conformance`.
 
 use clap::Parser;
+use curitiba::args::FidelityArg;
 use curitiba::conformance::{Beside, Build, Found, LIMITS, Limit, Record};
 use curitiba::engines::ray_backend;
 use curitiba::environment::Environment;
@@ -38,8 +39,8 @@ struct Arguments {
     #[arg(long)]
     set: Vec<String>,
     /// Fidelities
-    #[arg(long, default_values_t = ["corrected".to_owned(), "thesis".to_owned()])]
-    fidelity: Vec<String>,
+    #[arg(long, value_enum, default_values_t = [FidelityArg::Corrected, FidelityArg::Thesis])]
+    fidelity: Vec<FidelityArg>,
     /// GPUs that share the rows of each pass: a number, or all
     #[arg(long, default_value_t = Gpus::default())]
     gpus: Gpus,
@@ -97,7 +98,10 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn std::error::Error>> {
                 let settings = Settings {
                     camera: camera.clone(),
                     size: Some([arguments.size[0], arguments.size[1]]),
-                    fidelity: if fidelity == "thesis" { Fidelity::Thesis } else { Fidelity::Corrected },
+                    fidelity: match fidelity {
+                        FidelityArg::Corrected => Fidelity::Corrected,
+                        FidelityArg::Thesis => Fidelity::Thesis,
+                    },
                     set,
                     max_memory: 64 << 30,
                     ..Settings::default()

@@ -30,7 +30,7 @@ struct Cell {
     case: Case,
     frames_ms: Vec<f64>,
     error: Option<f64>,
-    /// Number of glass pixels that the screen answered, and of all glass pixels.
+    /// Number of glass pixels whose colour comes from screen space, and number of all glass pixels.
     answers: Option<[u64; 2]>,
 }
 
@@ -122,7 +122,7 @@ impl Plan {
         self.tables.iter().map(table).collect()
     }
 
-    /// The share of glass pixels that the screen answers; rays answer the others.
+    /// For each cell with `missing=rays`, the share of glass pixels whose colour comes from screen space. Rays answer the others.
     fn answers(&self) -> Value {
         let of = |cell: &Cell| {
             let [screen, all] = cell.answers.filter(|[_, all]| *all > 0)?;

@@ -83,7 +83,7 @@ pub struct Side {
     pub space: Option<ColorSpace>,
     /// Variance of the mean, if known.
     pub variance: Option<Variance>,
-    /// How it was rendered; `None` for a picture from a file.
+    /// How it was rendered; `None` for a picture from a file, and for a stored reference.
     pub rendered: Option<Rendered>,
 }
 

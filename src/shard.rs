@@ -75,6 +75,8 @@ struct Task {
     variable: &'static str,
     /// The task's index, counted as the scheduler does.
     index: u64,
+    /// Difference between neighbouring indices; 1 if the scheduler does not say.
+    step: u64,
     /// Index from 0 and number of tasks, if the scheduler gives both.
     place: Option<Shard>,
 }
@@ -137,8 +139,9 @@ impl Request {
             }
         };
         match (count, task.place) {
-            // N consecutive indices of an array give each of the N shards once, whatever index the array starts at.
-            (Some(count), _) => Ok(Shard { index: (task.index % count + count - 1) % count, count }),
+            // N consecutive tasks of an array give each of the N shards once, whatever index the array starts at. A task that
+            // runs again alone has the same shard, if the step is 1.
+            (Some(count), _) => Ok(Shard { index: (task.index / task.step % count + count - 1) % count, count }),
             (None, Some(place)) => Ok(place),
             (None, None) => Err(format!(
                 "--shard auto: {} does not say how many tasks there are, or they leave gaps; write --shard auto/N with N indices in a row, or K/N",
@@ -162,24 +165,25 @@ fn tasks(variable: &impl Fn(&str) -> Option<String>) -> Result<Vec<Task>, String
     let mut tasks = Vec::new();
     for [index, first, last, step, count] in ARRAYS {
         let Some(value) = number(index)? else { continue };
-        let (first, last, step) = (number(first)?, number(last)?, number(step)?);
+        let (first, last, step) = (number(first)?, number(last)?, number(step)?.filter(|step| *step > 0));
         let place = place(value, first, last, step, number(count)?);
-        tasks.push(Task { variable: index, index: value, place });
+        tasks.push(Task { variable: index, index: value, step: step.unwrap_or(1), place });
     }
     for [rank, size] in RANKS {
         let Some(index) = number(rank)? else { continue };
         let place = number(size)?.filter(|count| index < *count && *count <= MOST).map(|count| Shard { index, count });
-        tasks.push(Task { variable: rank, index, place });
+        tasks.push(Task { variable: rank, index, step: 1, place });
     }
     for name in INDICES {
-        tasks.extend(number(name)?.map(|index| Task { variable: name, index, place: None }));
+        tasks.extend(number(name)?.map(|index| Task { variable: name, index, step: 1, place: None }));
     }
     Ok(tasks)
 }
 
-/// Place of an index in an array. `None` if a value is missing, or the array has gaps, such as when only some of its tasks run again.
+/// Place of an index in an array; the step is above 0. `None` if a value is missing, or the array has gaps, such as when only some
+/// of its tasks run again.
 fn place(index: u64, first: Option<u64>, last: Option<u64>, step: Option<u64>, count: Option<u64>) -> Option<Shard> {
-    let (first, last, step) = (first?, last?, step.filter(|step| *step > 0)?);
+    let (first, last, step) = (first?, last?, step?);
     let tasks = last.checked_sub(first)? / step + 1;
     let offset = index.checked_sub(first)?;
     let whole = count.is_none_or(|count| count == tasks) && tasks <= MOST;
@@ -214,7 +218,7 @@ mod tests {
                     .collect()
             };
             partition(&(1..=n).map(|k| resolved(&format!("{k}/{n}"), &[]).expect("a shard")).collect::<Vec<_>>());
-            for (first, step) in [(0, 1), (1, 1), (5, 3)] {
+            for (first, step) in [(0, 1), (1, 1), (5, 3), (0, 2)] {
                 let slurm = |k: u64| {
                     vec![
                         pair("SLURM_ARRAY_TASK_ID", first + k * step),
@@ -225,16 +229,19 @@ mod tests {
                     ]
                 };
                 partition(&all("auto", &slurm));
+                partition(&all(&format!("auto/{n}"), &slurm));
                 // Each task of the array starts a single process with a launcher.
                 partition(&all("auto", &|k| [slurm(k), vec![pair("PMI_RANK", 0), pair("PMI_SIZE", 1)]].concat()));
-                partition(&all("auto", &|k| {
+                let grid_engine = |k: u64| {
                     vec![
                         pair("SGE_TASK_ID", first + k * step),
                         pair("SGE_TASK_FIRST", first),
                         pair("SGE_TASK_LAST", first + (n - 1) * step),
                         pair("SGE_TASK_STEPSIZE", step),
                     ]
-                }));
+                };
+                partition(&all("auto", &grid_engine));
+                partition(&all(&format!("auto/{n}"), &grid_engine));
             }
             for [rank, size] in RANKS {
                 partition(&all("auto", &|k| vec![pair(rank, k), pair(size, n)]));
@@ -285,6 +292,15 @@ mod tests {
         // Only tasks 1, 5 and 7.
         fails("auto", &slurm("5", "7", "3"), &["leave gaps"]);
         assert_eq!(resolved("auto", &slurm("5", "8", "8")), Ok(Shard { index: 4, count: 8 }));
+        // Task 5 of 8 alone, as it is queued again after a failure.
+        let alone = [
+            of("SLURM_ARRAY_TASK_ID", "5"),
+            of("SLURM_ARRAY_TASK_MIN", "5"),
+            of("SLURM_ARRAY_TASK_MAX", "5"),
+            of("SLURM_ARRAY_TASK_STEP", "1"),
+            of("SLURM_ARRAY_TASK_COUNT", "1"),
+        ];
+        assert_eq!(resolved("auto/8", &alone), Ok(Shard { index: 4, count: 8 }));
         // Outside arrays, schedulers give these variables an empty value or `undefined`.
         assert_eq!(
             resolved("auto/4", &[of("SGE_TASK_ID", "undefined"), of("HQ_TASK_ID", ""), of("PARALLEL_SEQ", "4")]),

@@ -14,7 +14,7 @@ ColorSpace = Literal["report", "linear"]
 Backend = Literal["cpu", "wgpu", "cuda", "optix"]
 
 class CuritibaError(RuntimeError):
-    """What could not be done: what, where, what would be valid, and what to do."""
+    """Raised if the renderer cannot do something. The message says what, where, what would be valid, and what to do."""
 
 class Gpu(TypedDict):
     name: str
@@ -42,7 +42,7 @@ class Timing(TypedDict):
     host_ms: float
     """Median of all runs, milliseconds on the host with synchronisation."""
     device_ms: float | None
-    """Median of all runs by the device's own clock, milliseconds; None where it has none."""
+    """Median of all runs by the device's own clock, milliseconds; None if the step has no device time."""
     runs: int
     rays: int | None
     """Rays of one run."""
@@ -79,10 +79,10 @@ class Renderer:
     """
 
     def render(self) -> Picture:
-        """The picture (height, width, 4) with all that was set. The array owns the renderer's memory: nothing is copied for Python."""
+        """The picture (height, width, 4) with all current settings. The array owns the renderer's memory: nothing is copied for Python."""
 
     def frame(self) -> Picture:
-        """The same picture, with every pass run again: for measurements."""
+        """The same picture as `render`, with every pass run again: for measurements."""
 
     def target(self, name: str) -> Picture:
         """A channel of a render target (height, width, 4), such as "pos" or "Deferred Render Targets::norm": a copy.
@@ -92,15 +92,15 @@ class Renderer:
         """
 
     def accumulate(self, goal: int | float | str) -> Accumulated:
-        """Takes more and more samples of the same sequence in the passes that take any.
+        """Takes more and more samples of the same sequence in the passes that sample.
 
-        `goal`: an int for samples a point, "2s" or "500ms" for a time, a float below 1 for a standard error. "image" is the picture,
-        "error" the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), "passes" has both by pass, with
-        the standard error by pixel.
+        `goal`: an int for samples a point, "2s" or "500ms" for a time, a float below 1 for a standard error. In the result, "image" is the picture,
+        "error" is the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), and "passes" has the error of each
+        pass, with the standard error of each pixel.
         """
 
     def set_camera(self, name: str | None = None) -> None:
-        """Lets every pass have this camera; each its own, if None."""
+        """Lets every pass use this camera; if None, each uses its own."""
 
     def set_pose(
         self,
@@ -112,7 +112,7 @@ class Renderer:
         up: Vector | None = None,
         fov: float | None = None,
     ) -> None:
-        """Moves a camera; what is not given stays. Scene units; `fov` is vertical, in degrees."""
+        """Moves a camera; arguments that are not given stay unchanged. Scene units; `fov` is vertical, in degrees."""
 
     def set_light(self, light: str, direction: Vector, color: Vector) -> None:
         """Lets a light shine in the direction in which it travels, with a linear colour (red, green, blue)."""
@@ -124,37 +124,38 @@ class Renderer:
         """Sets a parameter of a ray or effect pass, as `--set PASS.NAME=VALUE`; `curitiba list` names them."""
 
     def set_enabled(self, pass_name: str, enabled: bool) -> None:
-        """Switches a pass off or on. Off, a ray or effect pass lets the colour through that it reads, or writes a share of light of 1."""
+        """Switches a pass off or on. A ray or effect pass that is off passes on the colour that it reads, or writes a share of light of 1."""
 
     def set_pixel_samples(self, samples: int | str) -> None:
-        """Sets the samples of every pixel as `aa` of `open` does, of which a picture is the mean."""
+        """Sets the number of samples per pixel, as `aa` of `open` does. The picture is their mean."""
 
     def set_seed(self, seed: int) -> None:
         """Sets the seed of the random numbers, 0 to 2^32 - 1."""
 
     def reload(self) -> None:
-        """Reads the project and its scenes again with the next picture, and keeps what was set."""
+        """Reads the project and its scenes again with the next picture, and keeps the settings."""
 
     @overload
     def timings(self, *, as_frame: Literal[False] | None = None) -> list[Timing]: ...
     @overload
     def timings(self, *, as_frame: Literal[True, "pandas", "polars"]) -> Any: ...
     def timings(self, *, as_frame: bool | Literal["pandas", "polars"] | None = None) -> Any:
-        """Every step so far, a dict each: times in milliseconds, `rays` of one run, `bytes` of memory.
+        """Every step so far, each as a dict: times in milliseconds, `rays` of one run, `bytes` of memory.
 
-        With `as_frame=True` a pandas.DataFrame, or where pandas is not installed a polars.DataFrame; "pandas" or "polars" asks for that one.
+        With `as_frame=True` the result is a pandas.DataFrame, or a polars.DataFrame if pandas is not installed; "pandas" or
+        "polars" asks for that library.
         """
 
     def forget_timings(self) -> None:
-        """Forgets the times of the frames so far: what follows a warm-up is measured by itself."""
+        """Forgets the times of all frames so far, so that frames after a warm-up are measured alone."""
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the window, pixels; the next picture has as many, or those of `crop`."""
+        """Width and height of the window in pixels; the next picture has this size, or that of `crop`."""
 
     @property
     def color(self) -> ColorSpace:
-        """What the numbers of the pictures are."""
+        """The colour space of the pictures' numbers."""
 
     @property
     def cameras(self) -> list[str]:
@@ -174,7 +175,7 @@ class Renderer:
 
     @property
     def engines(self) -> tuple[str, str]:
-        """What draws and what traces rays, such as ("cpu", "cpu")."""
+        """The raster engine and the ray backend, such as ("cpu", "cpu")."""
 
     @property
     def warnings(self) -> list[str]:
@@ -211,36 +212,36 @@ def open(
     """Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
 
     `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
-    switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
-    every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean; "16:0.02" traces rays for four of them, and for the others where
-    shadows, occlusion or glass differ by more than 0.02. `crop` is (column, row, width, height) in pixels from the top left:
-    pictures then are (height, width, 4) of that part, the same as in the whole; `bands`, 1 to 1024, renders the picture in so many bands of rows
-    at most, one after the other, the same picture in less memory, and None as few as `max_memory` lets. `fallback` names ray backends that
-    may take over, in this order, where the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in
-    `gpus()` or a part of its name; `gpus` the number of GPUs for cuda and optix, or "all". For scene files alone:
-    `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
-    axis that points up, `background` display values from 0 to 1.
+    switched off; `max_memory` is in bytes; `color` is the colour space: if None, the project's own, or "linear" for scene files. `aa` is the
+    number of samples per pixel, 1, 2, 4, 8, 16, 32 or 64, whose mean is the picture. "16:0.02" traces rays for four of them, and for the others
+    only where shadows, occlusion or glass differ by more than 0.02. `crop` is (column, row, width, height) in pixels from the top left: pictures
+    then are (height, width, 4) of that part, equal to the same part of the whole. `bands`, 1 to 1024, renders the same picture in at most this
+    many bands of rows, one after the other, in less memory; None takes as few as `max_memory` allows. `fallback` names ray backends that take
+    over, in this order, if the one before fails; `Renderer.warnings` then says so. `adapter` is the device of wgpu, by its place in `gpus()` or
+    a part of its name; `gpus` is the number of GPUs for cuda and optix, or "all". For scene files alone: `effects` such as "shadows+ao",
+    `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the axis that points up,
+    `background` display values from 0 to 1.
     """
 
 def gpus() -> list[Gpu]:
-    """The devices that wgpu finds by Vulkan, Metal or DX12, the preferred one first, a dict each: `open(adapter=…)` takes their places, or parts
-    of their names. Empty where there is no driver.
+    """The devices that wgpu finds by Vulkan, Metal or DX12, the preferred one first, each as a dict. `open(adapter=…)` takes a position in this list
+    or a part of a name. Empty where there is no driver.
 
-    "name" and "driver" as the driver says; "kind" is "discrete GPU", "integrated GPU", "virtual GPU", "unknown kind" or "software", which is no
-    GPU; "interface" is "vulkan", "metal" or "dx12"; "abilities" says how large pictures (pixels) and scenes (MiB a part) may be, and what is
-    lacking.
+    "name" and "driver" come from the driver. "kind" is "discrete GPU", "integrated GPU", "virtual GPU", "unknown kind" or "software", which is no
+    GPU. "interface" is "vulkan", "metal" or "dx12". "abilities" says how large pictures (pixels) and scenes (MiB for each part) may be, and what
+    the device lacks.
     """
 
 def backends() -> dict[Backend, BackendFacts]:
-    """The ray backends by name, a dict each: "device" is what it runs on, or None where it is not there, and "missing" then says why.
+    """The ray backends by name, each as a dict: "device" is its device, or None if it is not available; "missing" then says why.
 
     Names are those that `open(backend=…)` and `open(fallback=…)` take: "cpu", "wgpu", "cuda", "optix".
     """
 
 def confine(folder: str | PathLike[str]) -> None:
-    """From now on this package reads and writes no file outside the folder, wherever symbolic links lead: for projects of strangers.
+    """From now on this package reads and writes no file outside the folder, wherever symbolic links lead. Use it for projects from strangers.
 
-    It holds for the whole process and cannot be undone; Python's own files are not concerned. Call it before `open`.
+    This holds for the whole process and cannot be undone; Python's own files are not affected. Call it before `open`.
     """
 
 def displayed(
@@ -250,9 +251,9 @@ def displayed(
     exposure: float = ...,
     tone: Literal["none", "reinhard"] = ...,
 ) -> npt.NDArray[np.uint8]:
-    """What a PNG of a picture (height, width, 3 or 4) holds: (height, width, 4), 8 bits. `color` says what the picture's numbers are.
+    """The content of a PNG of a picture (height, width, 3 or 4): (height, width, 4), 8 bits. `color` is the colour space of the picture's numbers.
 
-    Of linear radiance: times 2 to the power of `exposure`, the tone curve, the transfer of sRGB.
+    Linear radiance is multiplied by 2 to the power of `exposure`; then follow the tone curve and the transfer function of sRGB.
     """
 
 def compare(
@@ -263,10 +264,10 @@ def compare(
     outlier_threshold: float = ...,
     pixels_per_degree: float = ...,
 ) -> dict[str, float]:
-    """Judges a picture by a reference, both (height, width, 3 or 4): the metrics of `curitiba compare` by name. `color` says what their
-    numbers are; ssim and flip are of displayed values.
+    """Compares a picture with a reference, both (height, width, 3 or 4): the metrics of `curitiba compare` by name. `color` is the colour space of
+    their numbers; ssim and flip compare displayed values.
 
-    rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
+    The keys are rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
     """
 
 @final
@@ -278,7 +279,7 @@ class Tracer:
 
     def __init__(self, positions: npt.ArrayLike, indices: npt.ArrayLike) -> None: ...
     def __len__(self) -> int:
-        """Triangles."""
+        """Number of triangles."""
 
     @property
     def nbytes(self) -> int:
@@ -294,8 +295,8 @@ class Tracer:
     ) -> Hits:
         """The nearest hit of each ray with t_min < t < t_max.
 
-        `origins` (n, 3) or (1, 3) for all, `directions` (n, 3) of unit length (distances count in their lengths), both float32; others are
-        converted, which copies them. `t_min` and `t_max` are numbers or (n,); 0 and infinity where they are not given.
+        `origins` (n, 3), or (1, 3) for all rays, and `directions` (n, 3) of unit length (distances count in their lengths) are float32; other types
+        are converted, which copies them. `t_min` and `t_max` are numbers or (n,); the defaults are 0 and infinity.
         """
 
     def occluded(
@@ -306,7 +307,7 @@ class Tracer:
         t_min: float | npt.ArrayLike = ...,
         t_max: float | npt.ArrayLike = ...,
     ) -> npt.NDArray[np.bool_]:
-        """(n,): whether anything lies on each ray. Arguments as `closest`."""
+        """(n,): whether anything lies on each ray. The arguments are those of `closest`."""
 
 def visibility(
     positions: npt.ArrayLike,
@@ -319,9 +320,10 @@ def visibility(
     form_factors: bool = False,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """How much pairs of triangles see of each other: `positions` (n, 3), `triangles` (m, 3), `pairs` (k, 2) of triangles.
+    """Visibility between pairs of triangles: `positions` (n, 3), `triangles` (m, 3), `pairs` (k, 2) of triangles.
 
-    "visibility" (k,) is the share of open segments between them (NaN where no segment leaves the front of both), "error" (k,) its standard
-    error, 0 where it is exact, "class" says how it was found, "samples" (k,) counts segments; with `form_factors` also "form_factors" and
-    "form_factor_errors", both (k, 2): there and back. `samples` (a multiple of 8) or `error` set the effort; 64 samples otherwise.
+    "visibility" (k,) is the share of open segments between the two (NaN where no segment leaves the front of both), "error" (k,) its standard
+    error, 0 where it is exact. "class" says how it was found, "samples" (k,) counts segments. `form_factors` adds "form_factors" and
+    "form_factor_errors", both (k, 2): from the first to the second and back. `samples` (a multiple of 8) or `error` set the effort; the
+    default is 64 samples.
     """

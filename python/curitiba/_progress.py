@@ -9,8 +9,10 @@ _width = 0
 
 
 def set_progress(shown: Optional[bool] = None) -> None:
-    """Whether work that takes longer than a second shows how far it is, in a line on `sys.stderr`: always, never, or, with None, on
-    terminals and in notebooks."""
+    """Sets when work that takes longer than a second shows its progress, in a line on `sys.stderr`.
+
+    `shown`: True for always, False for never, None for terminals and notebooks only.
+    """
     global _shown
     _shown = shown
 

@@ -345,7 +345,7 @@ impl Renderer {
     /// "error" is the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), and "passes" has the error of each
     /// pass, with the standard error of each pixel.
     fn accumulate<'py>(&self, py: Python<'py>, goal: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-        // In exponent notation, so that a float without a fraction is an error too.
+        // A float is written in exponent notation: without a fraction (1.0) it would otherwise be read as a number of samples.
         let goal = match goal.extract::<f64>() {
             Ok(error) if goal.is_instance_of::<pyo3::types::PyFloat>() => format!("{error:e}"),
             _ => text(goal)?,

@@ -29,7 +29,7 @@ pub enum FileError {
     Broken {
         /// The file.
         path: PathBuf,
-        /// Where reading ended.
+        /// What is wrong, with the field or with the line and column.
         message: String,
     },
     /// The file holds a different benchmark.

@@ -30,7 +30,7 @@ pub struct BenchFile {
     /// Number of rounds over all rows; 1 in files from before 2026-11-27.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub rounds: u32,
-    /// Whether every requested row is present.
+    /// Whether nothing is left to measure. A row that an engine does not support is in [`Self::unavailable`] and does not count as left.
     pub complete: bool,
     /// The rows, in the order in which they were measured.
     pub rows: Vec<BenchRow>,

@@ -7,8 +7,8 @@ use glam::DVec3;
 use serde::Deserialize;
 use std::f64::consts::PI;
 
-/// Least angle in radians by which the directions of adjacent keys must differ from being opposite: between opposite directions the
-/// shortest great circle is not unique.
+/// Least angle in radians between the direction of a key and the opposite of the previous key's direction. The same holds for up vectors.
+/// Between opposite vectors the shortest great circle is not unique.
 const LEAST_ANGLE: f64 = 1e-4;
 
 /// A path through keyframes.

@@ -1,7 +1,7 @@
 //! `curitiba bench`: the cost and the error of each effect.
 
 use super::bench_args::BenchArgs;
-use super::bench_begin::{begin, check_folder_of_references, choices, references_folder};
+use super::bench_begin::{begin, check_folder_of_references, check_ours, choices, references_folder};
 use super::bench_jobs::{Job, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
@@ -9,9 +9,7 @@ use super::{Failure, bench_parts, bench_threads, load, set_threads, tell_fastest
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, text};
 use curitiba::environment::Environment;
-use curitiba::pipeline::files::{self, check_outputs, write_atomically};
-use std::io::{ErrorKind, Read as _};
-use std::path::Path;
+use curitiba::pipeline::files::{check_outputs, write_atomically};
 
 impl From<FileError> for Failure {
     fn from(error: FileError) -> Self {
@@ -44,7 +42,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     check_outputs(outputs.iter().filter_map(|(path, what)| Some((path.as_deref()?, *what))))?;
     check_folder_of_references(args)?;
     if !args.overwrite {
-        [&args.csv, &args.markdown].into_iter().flatten().try_for_each(|path| check_ours(path))?;
+        [&args.csv, &args.markdown].into_iter().flatten().try_for_each(|path| check_ours(path, text::is_ours))?;
         if let Some(path) = &args.json {
             file = file.continued(path, args.resume)?;
         }
@@ -54,32 +52,12 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     write(args, &file)?;
     load::tell(&Environment::here());
     let failure = measure_all(args, &jobs, &mut file)?;
-    file.complete = failure.is_none();
+    file.complete = failure.is_none() && !choices.is_empty();
     write(args, &file)?;
     if choices.is_empty() {
         return Err(Failure::Work("none of the engines that were asked for is there".to_owned()));
     }
     failure.map_or(Ok(()), Err)
-}
-
-/// Fails if a file would be replaced that is neither empty nor a table of an earlier benchmark.
-fn check_ours(path: &Path) -> Result<(), Failure> {
-    let begin = match files::open(path) {
-        Ok(file) => {
-            let mut begin = Vec::new();
-            file.take(256).read_to_end(&mut begin).map(|_| begin)
-        }
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => Err(error),
-    };
-    match begin {
-        Ok(begin) if begin.is_empty() || text::is_ours(&begin) => Ok(()),
-        Ok(_) => Err(Failure::Usage(format!(
-            "{}: this file is no table of a benchmark\n       name another file, or replace it with --overwrite",
-            path.display()
-        ))),
-        Err(error) => Err(Failure::Work(format!("{}: {error}", path.display()))),
-    }
 }
 
 /// Measures the rows and rounds that the file lacks. Returns the first failure of a row; the other rows are still measured.

@@ -1,16 +1,16 @@
-//! Start of a benchmark: machine, engines, and the folder of references.
+//! Start of a benchmark: machine, engines, the folder of references, and files that may be replaced.
 
 use super::bench_args::{BenchArgs, EngineArg};
 use super::bench_jobs::engines;
 use super::{Failure, check_references, failure};
 use curitiba::Choice;
 use curitiba::bench::model::BenchFile;
-use curitiba::engines::ray_backend;
+use curitiba::engines::{rasteriser, ray_backend};
 use curitiba::environment::Environment;
-use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
-use curitiba::pipeline::backend::Rasteriser as _;
+use curitiba::pipeline::files;
 use curitiba::reference::References;
-use std::path::PathBuf;
+use std::io::{ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
 
 /// A new benchmark on this machine.
 pub(super) fn begin(args: &BenchArgs) -> BenchFile {
@@ -32,6 +32,26 @@ pub(super) fn references_folder(args: &BenchArgs) -> PathBuf {
     args.references.clone().unwrap_or_else(References::default_folder)
 }
 
+/// Fails if a file would be replaced that is neither empty nor a table of an earlier benchmark. `is_ours` judges how the file begins.
+pub(super) fn check_ours(path: &Path, is_ours: fn(&[u8]) -> bool) -> Result<(), Failure> {
+    let begin = match files::open(path) {
+        Ok(file) => {
+            let mut begin = Vec::new();
+            file.take(1024).read_to_end(&mut begin).map(|_| begin)
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => Err(error),
+    };
+    match begin {
+        Ok(begin) if begin.is_empty() || is_ours(&begin) => Ok(()),
+        Ok(_) => Err(Failure::Usage(format!(
+            "{}: this file is no table of a benchmark\n       name another file, or replace it with --overwrite",
+            path.display()
+        ))),
+        Err(error) => Err(Failure::Work(format!("{}: {error}", path.display()))),
+    }
+}
+
 /// The engines on which every row is measured. Missing engines are recorded in the file.
 pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice> {
     let mut choices = Vec::new();
@@ -41,7 +61,7 @@ pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) ->
     for (engine, asked) in engines(args, choice) {
         let made = match engine {
             EngineArg::Cpu => Ok(asked),
-            EngineArg::Wgpu => WgpuRasteriser::new(AdapterChoice::Any)
+            EngineArg::Wgpu => rasteriser(asked)
                 .map(|gpu| {
                     let note = format!("`wgpu` is {}", gpu.device());
                     if gpu.device().contains("software") && !file.environment.fallbacks.contains(&note) {

@@ -30,7 +30,8 @@ pub(super) struct Rows {
 pub(super) struct Missing {
     /// The row and the reason.
     pub what: Unavailable,
-    /// The failure that ends the command; `None` if an engine does not support the row at all, which is a valid result.
+    /// The failure that the command reports after the last row; `None` if an engine does not support the row at all, which is a valid
+    /// result.
     pub failure: Option<Failure>,
 }
 

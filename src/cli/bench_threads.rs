@@ -1,6 +1,7 @@
 //! `curitiba bench --sweep-threads`: how the time of each step falls with the number of threads.
 
 use super::bench_args::BenchArgs;
+use super::bench_begin::check_ours;
 use super::progress::Bars;
 use super::{Failure, load, say_prose, table};
 use anstyle::Style;
@@ -31,9 +32,12 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     threads.dedup();
     let outputs = [(&args.json, "--json"), (&args.markdown, "--markdown")];
     check_outputs(outputs.iter().filter_map(|(path, what)| Some((path.as_deref()?, *what))))?;
-    if let Some(path) = args.json.as_ref().filter(|_| !args.overwrite) {
-        // Reading fails for a file that is no sweep, so that such a file is not replaced.
-        ThreadsFile::read(path)?;
+    if !args.overwrite {
+        args.markdown.iter().try_for_each(|path| check_ours(path, text::is_ours))?;
+        if let Some(path) = &args.json {
+            // Reading fails for a file that is no sweep, so that such a file is not replaced.
+            ThreadsFile::read(path)?;
+        }
     }
     if let Some(folder) = &args.plots {
         create_folder(folder).map_err(|error| wrong(folder, &error))?;

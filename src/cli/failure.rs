@@ -22,7 +22,7 @@ pub enum Failure {
     Work(String),
     /// A comparison exceeds these limits. Exit code 1.
     Beyond(String),
-    /// The command line does not fit the project. Exit code 2.
+    /// The command line is wrong, or does not fit the project. Exit code 2.
     Usage(String),
     /// A project, scene or picture file is in error. Exit code 3.
     Input(String),

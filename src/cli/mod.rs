@@ -163,7 +163,8 @@ fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     curitiba::threads::start(threads).map_err(Failure::Work)
 }
 
-/// Prints which ray backend was found to be the fastest, if that was asked for. The threads must be started already.
+/// Prints which ray backend was found to be the fastest, if that was asked for. The argument is not used, but to compute it the caller
+/// measures the backends, so the threads must be started already.
 fn tell_fastest(_: Choice) {
     if let Some(found) = fastest::taken() {
         crate::tell!("{found}");

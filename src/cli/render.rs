@@ -130,7 +130,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     inspector.verdict(args.json)
 }
 
-/// Fails if options are given that need one sample a pixel.
+/// Fails if `--aa` asks for several samples a pixel and another option needs a single one.
 fn check_samples(args: &RenderArgs) -> Result<(), Failure> {
     let samples = args.project.aa;
     let refused = |option: &str, help: &str| Err(Failure::Usage(format!("{option} with --aa {samples}: {help}")));

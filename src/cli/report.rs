@@ -76,7 +76,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The projects of a scene, one for each technique, in a temporary folder that exists as long as the first value; `None` if a
+/// The projects of a scene, one for each effect and technique, in a temporary folder that exists as long as the first value; `None` if a
 /// folder of projects is given.
 fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathBuf)>, Failure> {
     const FIRST: &str = "SceneNoEffects.xml";

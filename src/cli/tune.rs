@@ -87,7 +87,7 @@ fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
     )))
 }
 
-/// Fails if options restrict the window: `tune` measures whole frames.
+/// Fails if `--show`, `--crop` or `--bands` is given: `tune` measures whole frames of the window.
 fn whole_frames(args: &TuneArgs) -> Result<(), Failure> {
     let project = &args.project;
     let given = [

@@ -86,7 +86,7 @@ const EFFECT_BLOCK: u32 = 4096;
 /// Seeds of the two renders, far from those that users choose.
 const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
 
-/// Why a row has no error.
+/// Why there is no reference, or no comparison with it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
@@ -227,7 +227,7 @@ impl References {
     }
 
     /// Compares a row's picture with its reference. The reference is refined until its own error is at most the row's error divided by [`MARGIN`],
-    /// or until time or samples are used up. In the second case the description of the reference in the result says how much is missing.
+    /// or until time or samples are used up. If they are used up, the description of the reference in the result says how much is missing.
     ///
     /// # Errors
     /// If the reference cannot be rendered, or the pictures cannot be compared.
@@ -448,10 +448,13 @@ impl References {
         };
         match folder.store(&material(base, samples), &entry) {
             Err(why) => self.warnings.push(why),
-            Ok(()) => blocks.forget(),
-        }
-        if let Some(held) = self.held.get(base) {
-            folder.forget(&material(base, held.reference.samples));
+            Ok(()) => {
+                let before = self.held.get(base).map(|held| held.reference.samples);
+                if let Some(before) = before.filter(|before| *before != samples) {
+                    folder.forget(&material(base, before));
+                }
+                blocks.forget();
+            }
         }
         let took = entry.took;
         self.hold(request, base, samples, entry, took);

@@ -208,6 +208,24 @@ fn a_kept_reference_is_used_again_and_a_damaged_one_is_not() {
 }
 
 #[test]
+fn a_reference_is_kept_until_a_better_one_is_stored() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut references = references(folder.path(), 60);
+    let fine = case("SceneSSAO.xml", &["pass2.samples=1024"]);
+    let first = references.get(&fine, &mut Silent).expect("rendered");
+    let base = references.base(&Request::new(&fine).expect("a plan"), &mut Silent).expect("an open scene");
+    // Folders stand where the files of better references would be.
+    for samples in std::iter::successors(Some(2 * first.samples), |n| (*n < MOST_SAMPLES).then_some(2 * n)) {
+        std::fs::create_dir(references.folder.files(&material(&base, samples)).1).expect("a folder");
+    }
+    references.compare(&fine, &picture(&fine), &mut Silent).expect("compared");
+    assert!(references.get(&fine, &mut Silent).expect("held").samples > first.samples, "control: it is refined");
+    assert!(!references.take_warnings().is_empty(), "control: the better one is not stored");
+    let kept = references.folder.load(&material(&base, first.samples), [24, 24]).expect("undamaged");
+    assert_eq!(kept.map(|entry| entry.picture), Some(first.picture));
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_costs_a_warning_and_no_row() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("file");

@@ -79,7 +79,7 @@ pub(super) struct Collector<'a> {
     /// The report's ray backend; `beside` are the others that are available.
     backend: BackendChoice,
     pub beside: Vec<BackendChoice>,
-    /// Whether the report's ray backend can filter the share that a program writes. If not, filtered rows are measured on the cpu, which has it.
+    /// Whether the report's ray backend can filter the share that a program writes. If not, filtered rows are measured on the cpu, which can.
     filters: bool,
     start: Instant,
     pub references: References,

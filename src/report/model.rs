@@ -141,7 +141,7 @@ pub struct Without {
 pub struct Picture {
     /// Distinguishes it within its section: `raster`, `rays`, `reference`, …
     pub role: String,
-    /// Name for readers: `Raster: shadow map of 2048 texels`.
+    /// Name for readers: `Raster: 4 shadow maps, 2048 texels`.
     pub label: String,
     /// Path of the PNG inside the report's folder, with `/`.
     pub file: String,
@@ -182,7 +182,7 @@ pub struct PassGraph {
 pub struct Setting {
     /// Key of its row.
     pub row: String,
-    /// Name of its series: `shadow map, 3 x 3 texels`, `rays, Sobol`. Each series has its own mark and colour in the plot.
+    /// Name of its series: `4 shadow maps`, `rays, Sobol`. Each series has its own mark and colour in the plot.
     pub series: String,
     /// Its value within the series: `2048`, `16 rays`.
     pub value: String,

@@ -1,12 +1,12 @@
 //! Numbers as the page prints them.
 
-/// A time with three significant digits and its unit: `0.87 ms`, `16.7 ms`, `2354 ms`.
+/// A time as [`significant`] prints it, with its unit: `0.870 ms`, `16.7 ms`, `2354 ms`.
 #[must_use]
 pub fn milliseconds(ms: f64) -> String {
     format!("{} ms", significant(ms))
 }
 
-/// Three significant digits, without an exponent; whole numbers from 100 on.
+/// Three significant digits from 1 to 100, three decimals below 1, and whole numbers from 100 on. Without an exponent.
 #[must_use]
 pub fn significant(value: f64) -> String {
     let magnitude = value.abs();

@@ -63,7 +63,7 @@ pub enum Stage {
     Lights,
     /// Thread pools of different sizes.
     Threads,
-    /// Other scenes.
+    /// Generated squares with other numbers of triangles.
     Triangles,
     /// Effects without glass in the view of the panes.
     OtherView,

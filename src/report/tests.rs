@@ -603,6 +603,11 @@ fn every_picture_has_a_text_and_the_page_is_whole_without_its_script() {
         assert!(html.split("<script>").next().expect("a page").contains(&picture.file), "{}", picture.file);
     }
     assert!(html.contains("<div class=\"compare\" id=\"compare-shadows\" hidden>"));
+    // On paper the comparison stays hidden, and the pictures that the script hides are shown.
+    let (_, print) = html.split_once("@media print").expect("rules for paper");
+    let (print, _) = print.split_once("</style>").expect("the end of the rules");
+    assert!(print.contains(".compare { display: none !important; }") && !print.contains("[hidden]"), "{print}");
+    assert!(print.contains(".pictures { display: grid !important;"), "{print}");
     assert_eq!(html.matches("<h1>").count(), 1);
     for id in ["in-short", "missing", "effects", "shadows", "scaling", "method", "machine"] {
         assert!(html.contains(&format!("href=\"#{id}\"")) && html.contains(&format!("id=\"{id}\"")), "{id}");

@@ -41,7 +41,7 @@ struct Frame<'a> {
 /// A pass that can take the place of the declared one.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Name for readers: `ssao, samples=16`.
+    /// Name for readers: `ssao samples=16`.
     pub label: String,
     /// The pass.
     pub kind: PassKind,
@@ -144,7 +144,7 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
         }
     }
     if info.reads("fresnel") && fidelity == Fidelity::Corrected {
-        // Polarised light is another question, and not another answer.
+        // `S` and `P` ask for polarised light, which is a different picture: other Fresnel terms do not replace them.
         match pass.params.fresnel {
             Fresnel::S | Fresnel::P => put(pass.params),
             Fresnel::Exact | Fresnel::Schlick => {

@@ -27,7 +27,7 @@ pub type Variant = Vec<usize>;
 pub struct Run {
     /// Wall times of whole frames, milliseconds.
     pub frames_ms: Vec<f64>,
-    /// The picture's error; infinite if it has none.
+    /// The picture's error; less is better.
     pub error: f64,
 }
 

@@ -5,8 +5,8 @@ use super::{Machine, Run, Variant};
 
 /// Number of combinations of several passes that are measured: those with the best estimates.
 const COMBINATIONS: usize = 6;
-/// Greatest number of combinations that are estimated.
-const MOST_ESTIMATED: usize = 100_000;
+/// Number of combinations above which only the promising ones are estimated further.
+const MOST_ESTIMATED: usize = 2_000;
 /// Number of best variants that are measured again: the chosen one and the two next best.
 const FINALISTS: usize = 3;
 /// Number of further runs of each finalist in a round.
@@ -104,36 +104,59 @@ impl Search<'_> {
             })
         };
         let Some(declared) = alone(0, 0) else { return Vec::new() };
-        let estimate = |variant: &Variant| -> Option<Trial> {
-            let (mut time, mut square) = (declared.median(), declared.error.powi(2));
-            for (slot, candidate) in variant.iter().enumerate() {
-                let trial = alone(slot, *candidate)?;
-                time += trial.median() - declared.median();
-                square += trial.error.powi(2) - declared.error.powi(2);
+        let mut sums = vec![Sum { variant: Vec::new(), time: declared.median(), square: declared.error.powi(2) }];
+        for (slot, count) in counts.iter().enumerate() {
+            let measured = (0..*count).filter_map(|candidate| Some((candidate, alone(slot, candidate)?)));
+            let added = measured.flat_map(|(candidate, trial)| {
+                let time = trial.median() - declared.median();
+                let square = trial.error.powi(2) - declared.error.powi(2);
+                sums.iter().map(move |sum| Sum {
+                    variant: [&sum.variant[..], &[candidate]].concat(),
+                    time: sum.time + time,
+                    square: sum.square + square,
+                })
+            });
+            sums = added.collect();
+            if sums.len() > MOST_ESTIMATED {
+                sums = promising(sums);
             }
-            let run = Run { frames_ms: vec![time.max(0.0)], error: square.max(0.0).sqrt() };
-            Some(Trial::new(variant.clone(), run))
-        };
-        let estimates: Vec<Trial> = variants(counts)
-            .filter(|variant| variant.iter().filter(|candidate| **candidate != 0).count() > 1)
-            .take(MOST_ESTIMATED)
-            .filter_map(|variant| estimate(&variant))
+        }
+        let estimates: Vec<Trial> = sums
+            .into_iter()
+            .filter(|sum| sum.variant.iter().filter(|candidate| **candidate != 0).count() > 1)
+            .map(|sum| {
+                let run = Run { frames_ms: vec![sum.time.max(0.0)], error: sum.square.max(0.0).sqrt() };
+                Trial::new(sum.variant, run)
+            })
             .collect();
         let best = ranked(&estimates, self.goal);
         best.into_iter().take(COMBINATIONS).map(|index| estimates[index].variant.clone()).collect()
     }
 }
 
-/// All variants; the candidate of the first slot changes fastest.
-fn variants(counts: &[usize]) -> impl Iterator<Item = Variant> {
-    let total = counts.iter().try_fold(1_usize, |product, count| product.checked_mul(*count)).unwrap_or(usize::MAX);
-    let counts = counts.to_vec();
-    (0..total).map(move |mut number| {
-        let digit = |count: &usize| {
-            let digit = number % count;
-            number /= count;
-            digit
-        };
-        counts.iter().map(digit).collect()
-    })
+/// Candidates of the first slots, with the estimate for a frame whose other slots are as declared.
+struct Sum {
+    variant: Variant,
+    /// Milliseconds.
+    time: f64,
+    /// Squared error.
+    square: f64,
+}
+
+/// Leaves out each sum that [`COMBINATIONS`] others equal or beat in time and in error. They still do with the same candidates in the
+/// other slots, so no such sum leads to one of the best combinations.
+fn promising(mut sums: Vec<Sum>) -> Vec<Sum> {
+    sums.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.square.total_cmp(&b.square)));
+    // The least squared errors of the sums so far, in ascending order.
+    let mut least: Vec<f64> = Vec::new();
+    sums.retain(|sum| {
+        let place = least.partition_point(|square| *square <= sum.square);
+        let stays = place < COMBINATIONS;
+        if stays {
+            least.insert(place, sum.square);
+            least.truncate(COMBINATIONS);
+        }
+        stays
+    });
+    sums
 }

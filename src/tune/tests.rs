@@ -108,6 +108,36 @@ fn passes_are_tuned_together() {
 }
 
 #[test]
+fn of_very_many_combinations_the_best_is_found() {
+    // Six passes with the less time the more error, and a last one of whose candidates only the last is fast.
+    let candidate = |slot: usize, index: usize| {
+        let (slot, times) = (slot as f64, (index + 1) as f64);
+        ((30.0 + slot) / times, 0.01 * (1.0 + 0.1 * slot) * times)
+    };
+    let mut adds: Vec<Vec<(f64, f64)>> =
+        (0..6).map(|slot| (0..6).map(|index| candidate(slot, index)).collect()).collect();
+    adds.push(vec![(100.0, 0.01), (90.0, 0.5), (80.0, 0.5), (70.0, 0.5), (60.0, 0.5), (5.0, 0.02)]);
+    let slots: Vec<&[(f64, f64)]> = adds.iter().map(Vec::as_slice).collect();
+    let mut machine = Simulated::new(&slots, 0.0, 1);
+    let (goal, most) = (Goal::Time(97.3), 97.3);
+    let found = find(&mut machine, goal);
+    let (_, error) = machine.truth(best(&found).expect("something fits"));
+    // By brute force over all combinations.
+    let squares = (0..6_usize.pow(7)).filter_map(|mut number| {
+        let (mut ms, mut square) = (5.0, 0.0);
+        for slot in &adds {
+            let (add, error) = slot[number % 6];
+            number /= 6;
+            ms += add;
+            square += error * error;
+        }
+        (ms <= most).then_some(square)
+    });
+    let least = squares.min_by(f64::total_cmp).expect("something fits").sqrt();
+    assert!((error / least - 1.0).abs() < 1e-9, "{error} {least}");
+}
+
+#[test]
 fn noise_changes_the_choice_in_few_of_a_hundred_searches() {
     let same = (0..100)
         .filter(|seed| {

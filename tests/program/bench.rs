@@ -12,12 +12,16 @@ fn project(name: &str) -> String {
     projects().join(name).to_str().expect("test paths are UTF-8").to_owned()
 }
 
-/// Runs the program in a folder, with the references of that folder.
-fn curitiba(folder: &Path, arguments: &[&str]) -> Output {
+/// The program in a folder, with the references of that folder.
+fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
     command.current_dir(folder).arg("bench").args(arguments);
     command.env("NO_COLOR", "1").env("CURITIBA_CACHE", folder.join("references"));
-    command.output().expect("the program starts")
+    command
+}
+
+fn curitiba(folder: &Path, arguments: &[&str]) -> Output {
+    command(folder, arguments).output().expect("the program starts")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -253,7 +257,14 @@ fn engines_that_are_not_there_are_listed_with_the_reason() {
     let shadows = project("SceneShadows.xml");
     let arguments =
         [&shadows, "--compare", "cpu,cuda,optix", "--size", "24x24", "--frames", "1", "--no-error", "--json", "c.json"];
-    let (printed, _) = succeeds(folder, &arguments);
+    // No NVIDIA GPU is seen.
+    let without = |arguments: &[&str]| -> Output {
+        let mut command = command(folder, arguments);
+        command.env("CUDA_VISIBLE_DEVICES", "-1").env_remove("CURITIBA_GPUS").output().expect("the program starts")
+    };
+    let output = without(&arguments);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let printed = text(&output.stdout);
     let file = json(&folder.join("c.json"));
     let missing: Vec<_> = file["unavailable"].as_array().expect("a list").iter().map(|m| m["what"].as_str()).collect();
     assert_eq!(missing, [Some("cuda"), Some("optix")]);
@@ -261,9 +272,38 @@ fn engines_that_are_not_there_are_listed_with_the_reason() {
     assert!(printed.contains(&format!("not measured: cuda: {why}")), "{printed}");
     assert_eq!(file["rows"].as_array().map(Vec::len), Some(1));
     assert_eq!(file["rows"][0]["error"]["missing"], "--no-error");
-    let message = fails_with(1, folder, &[&shadows, "--compare", "cuda", "--json", "none.json"]);
-    assert!(message.contains("none of the engines"), "{message}");
-    assert_eq!(json(&folder.join("none.json"))["unavailable"][0]["what"], "cuda");
+    let output = without(&[&shadows, "--compare", "cuda", "--json", "none.json"]);
+    let message = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && message.contains("none of the engines"), "{message}");
+    let none = json(&folder.join("none.json"));
+    assert_eq!((&none["unavailable"][0]["what"], &none["complete"]), (&Value::from("cuda"), &Value::Bool(false)));
+}
+
+#[test]
+fn a_sweep_over_threads_replaces_only_its_own_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let shadows = project("SceneShadows.xml");
+    let arguments = [
+        &shadows,
+        "--sweep-threads",
+        "1",
+        "--rounds",
+        "1",
+        "--frames",
+        "1",
+        "--size",
+        "24x24",
+        "--markdown",
+        "page.md",
+    ];
+    let page = folder.join("page.md");
+    std::fs::write(&page, "# Mine\n").expect("written");
+    assert!(fails_with(2, folder, &arguments).contains("--overwrite"));
+    assert_eq!(std::fs::read_to_string(&page).expect("text"), "# Mine\n");
+    succeeds(folder, &[&arguments[..], &["--overwrite"]].concat());
+    assert!(std::fs::read_to_string(&page).expect("text").contains("| frame |"));
+    succeeds(folder, &arguments);
 }
 
 #[test]

@@ -1,5 +1,5 @@
 //! `curitiba-view`: the window. Exit codes: 0 if it was closed; 1 if it cannot be opened, an option cannot be applied or, with `--quit-after`,
-//! the picture cannot be rendered or the window not be written; 2 if the command line is wrong.
+//! the picture cannot be rendered or the window's picture cannot be written; 2 if the command line is wrong.
 #![forbid(unsafe_code)]
 
 use clap::Parser as _;

@@ -3,6 +3,15 @@
 use super::file::{ThreadsCase, ThreadsFile, ThreadsPoint, speed_up};
 use std::fmt::Write as _;
 
+/// Words of the first line of [`markdown`].
+const ABOUT: &str = "Medians of wall time in milliseconds; in brackets how many times as fast as on the fewest threads";
+
+/// Whether a text begins like the output of [`markdown`], so that it may be overwritten by such output.
+#[must_use]
+pub fn is_ours(text: &[u8]) -> bool {
+    String::from_utf8_lossy(text).lines().next().is_some_and(|line| line.contains(ABOUT))
+}
+
 /// A row of a case's table: name and points.
 pub type Line<'c> = (String, &'c [ThreadsPoint]);
 
@@ -14,7 +23,7 @@ pub fn lines(case: &ThreadsCase) -> Vec<Line<'_>> {
     all.filter(|(_, points)| points.iter().any(|point| point.wall.median >= 0.005)).collect()
 }
 
-/// A cell such as `12.34 (3.9, 48.1)`: wall time, speed-up over the fewest threads, and processor time.
+/// A cell such as `12.34 (3.9, 48.1 cpu)`: wall time, speed-up over the fewest threads, and processor time. Times are in milliseconds.
 #[must_use]
 pub fn cell(points: &[ThreadsPoint], point: &ThreadsPoint) -> String {
     let mut inside = Vec::new();
@@ -39,8 +48,7 @@ pub fn heading(case: &ThreadsCase) -> String {
 pub fn markdown(file: &ThreadsFile) -> String {
     let machine = &file.environment;
     let mut page = format!(
-        "{}, {} build, commit {}. Medians of wall time in milliseconds; in brackets how many times as fast as on the fewest \
-         threads, and the processor time of all threads. {} rounds of {} frames after {} of warm-up.\n",
+        "{}, {} build, commit {}. {ABOUT}, and the processor time of all threads. {} rounds of {} frames after {} of warm-up.\n",
         machine.cpu, machine.profile, machine.commit, file.rounds, file.frames, file.warmup
     );
     for case in &file.cases {

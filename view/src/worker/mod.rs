@@ -188,7 +188,7 @@ pub struct State {
     pub not_refined: Option<String>,
     /// What the thread is doing.
     pub activity: Activity,
-    /// Why the last command failed.
+    /// Why the last command or step failed; `None` if it did not.
     pub error: Option<String>,
     /// The last message: files that were written or read again.
     pub told: Option<String>,

@@ -27,9 +27,9 @@ pub(super) struct Lets {
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     level: usize,
-    /// Shortest duration and number of the latest consecutive frames that were too slow; `None` if the last frame was not too slow. The field
-    /// `quick` counts the latest consecutive frames that were fast enough for the next better level.
+    /// Shortest duration and number of the latest consecutive frames that were too slow; `None` if the last frame was not too slow.
     slow: Option<(Duration, u32)>,
+    /// Number of the latest consecutive frames that were fast enough for the next better level.
     quick: u32,
 }
 

@@ -6,6 +6,7 @@ use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::gbuffer::Rect;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
+use curitiba::{Choice, Gpus, RasterChoice};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -35,6 +36,18 @@ pub(super) struct Taken {
     pub camera: String,
     pub moved: bool,
     pub accumulated: Option<u64>,
+    /// Name of the device of `wgpu`, if one was chosen.
+    pub adapter: Option<&'static str>,
+    pub gpus: Gpus,
+}
+
+impl Taken {
+    /// The device and the number of GPUs are those of `choice`. The device is named, since it may have another place on another machine.
+    pub fn new(camera: String, moved: bool, accumulated: Option<u64>, choice: Choice) -> Self {
+        // A single pass may run on `wgpu` although neither the rasteriser nor the ray backend does.
+        let adapter = Choice { raster: RasterChoice::Wgpu, ..choice }.adapter_name();
+        Self { camera, moved, accumulated, adapter, gpus: choice.gpus }
+    }
 }
 
 /// Writes `NAME.png`, `NAME.exr` and `NAME.json`. Returns the written files.
@@ -93,6 +106,10 @@ fn command(
     }
     option("raster", raster);
     option("backend", rays);
+    taken.adapter.iter().for_each(|name| option("adapter", name));
+    if taken.gpus != Gpus::default() {
+        option("gpus", &taken.gpus.to_string());
+    }
     for (name, value) in [("camera", &settings.camera), ("pipeline", &settings.pipeline)] {
         value.iter().for_each(|value| option(name, value));
     }
@@ -108,6 +125,9 @@ fn command(
     }
     if settings.seed != 0 {
         option("seed", &settings.seed.to_string());
+    }
+    if settings.aa.are_several() {
+        option("aa", &settings.aa.to_string());
     }
     settings.set.iter().for_each(|set| option("set", set));
     settings.off.iter().for_each(|off| option("off", off));
@@ -127,7 +147,7 @@ mod tests {
     fn the_command_names_what_differs_from_the_project() {
         let settings =
             Settings { set: vec!["pass2.samples=4".to_owned()], off: vec!["a b".to_owned()], ..Settings::default() };
-        let taken = Taken { camera: "c".to_owned(), moved: false, accumulated: Some(256) };
+        let taken = Taken::new("c".to_owned(), false, Some(256), Choice::CPU);
         let text = command(Path::new("it's.xml"), &settings, [8, 4], &taken, "cpu", "wgpu");
         assert_eq!(
             text,
@@ -141,10 +161,21 @@ mod tests {
         };
         let crop = Some(Rect { x: 1, y: 2, width: 3, height: 4 });
         let settings = Settings { scene, crop, ..Settings::default() };
-        let taken = Taken { camera: "c".to_owned(), moved: false, accumulated: None };
+        let taken = Taken::new("c".to_owned(), false, None, Choice::CPU);
         assert_eq!(
             command(Path::new("a.obj"), &settings, [8, 4], &taken, "cpu", "cpu"),
             "curitiba render a.obj sun=b.obj --look-from -1.5/2/0.25 --fov 30 --size 8x4 --crop 1,2,3x4 --raster cpu --backend cpu"
+        );
+    }
+
+    #[test]
+    fn the_command_names_the_devices_and_the_samples_of_pixels() {
+        let choice = Choice { gpus: Gpus::Count(2), ..Choice::CPU };
+        let taken = Taken { adapter: Some("NVIDIA H200"), ..Taken::new("c".to_owned(), false, None, choice) };
+        let settings = Settings { aa: "16:0.02".parse().expect("samples"), ..Settings::default() };
+        assert_eq!(
+            command(Path::new("a.xml"), &settings, [8, 4], &taken, "wgpu", "cuda"),
+            "curitiba render a.xml --size 8x4 --raster wgpu --backend cuda --adapter 'NVIDIA H200' --gpus 2 --aa 16:0.02"
         );
     }
 }

@@ -197,10 +197,13 @@ impl Session {
     pub fn look_away(&mut self) {
         let wanted = self.looked_at();
         let Some(renderer) = self.renderer.as_mut().filter(|_| self.shown.is_none()) else { return };
-        if renderer.settings().show != wanted
-            && let Err(error) = renderer.set_shown(&wanted)
-        {
-            self.shared.change(|state| state.error = Some(error.to_string()));
+        if renderer.settings().show == wanted {
+            return;
+        }
+        match renderer.set_shown(&wanted) {
+            // The renderer has a new setting, whether or not the command that follows is refused.
+            Ok(()) => self.changed(),
+            Err(error) => self.shared.change(|state| state.error = Some(error.to_string())),
         }
     }
 
@@ -234,7 +237,7 @@ impl Session {
         }
         let camera = camera_in_use(renderer);
         let moved = self.poses.iter().any(|(name, _)| *name == camera);
-        let taken = Taken { camera, moved, accumulated: self.accumulated.then_some(self.samples) };
+        let taken = Taken::new(camera, moved, self.accumulated.then_some(self.samples), self.choice);
         let files = save::save(renderer, path, &taken)?;
         let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
         self.shared.change(|state| state.told = Some(format!("wrote {}", names.join(", "))));
@@ -267,5 +270,82 @@ impl Session {
         if lock(&self.shared.state).activity != activity {
             self.shared.change(|state| state.activity = activity);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba::pipeline::plan::Settings;
+    use std::path::Path;
+    use std::sync::mpsc::channel;
+    use std::sync::{Mutex, OnceLock};
+
+    /// A session of a project in `xml_projects`. The test does its steps, and no thread.
+    fn session(project: &str, set: &str) -> Session {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects").join(project);
+        let settings = Settings { size: Some([16, 16]), set: vec![set.to_owned()], ..Settings::default() };
+        let source = Source { path, settings, choice: Choice::CPU, watch: false };
+        let (state, busy) = (Mutex::default(), Mutex::default());
+        let shared = Shared { state, busy, device: OnceLock::new(), wake: Arc::new(|| {}) };
+        Session::new(source, Arc::new(shared), channel().0)
+    }
+
+    /// Does steps until a condition holds.
+    #[track_caller]
+    fn until(session: &mut Session, holds: impl Fn(&Session) -> bool) {
+        for _ in 0..1000 {
+            if holds(session) {
+                return;
+            }
+            session.begin();
+            session.step();
+        }
+        panic!("too many steps: {:?}", error(session));
+    }
+
+    /// Does steps until nothing is left to do.
+    #[track_caller]
+    fn rest(session: &mut Session) {
+        until(session, |session| session.patience() != Some(Duration::ZERO));
+    }
+
+    fn error(session: &Session) -> Option<String> {
+        lock(&session.shared.state).error.clone()
+    }
+
+    fn samples(session: &Session) -> Option<u64> {
+        lock(&session.shared.state).refinement.as_ref().map(|refinement| refinement.samples)
+    }
+
+    #[test]
+    fn a_refused_setting_is_told_and_samples_are_taken_further() {
+        let mut session = session("SceneShadows.xml", "pass2.sun=2");
+        let written = |session: &Session| session.renderer.as_ref().expect("it is open").settings().show.clone();
+        session.take(Command::Show(Some("norm".to_owned())));
+        until(&mut session, |session| session.accumulation.is_some());
+        assert_eq!(written(&session), ["norm"], "control: no pass reads it");
+        session.take(Command::Show(None));
+        until(&mut session, |session| !session.show_due);
+        assert!(session.refine_due && samples(&session) < Some(256), "control: samples are being taken");
+        // The output is no longer written, and the setting is refused.
+        let [pass, name, value] = ["pass2", "sun", "wide"].map(str::to_owned);
+        session.take(Command::Parameter { pass, name, value });
+        let refused = error(&session);
+        assert!(refused.is_some() && written(&session).is_empty(), "{refused:?}");
+        rest(&mut session);
+        assert_eq!((error(&session), samples(&session)), (refused, Some(256)));
+    }
+
+    #[test]
+    fn refinement_that_has_ended_is_asked_for_again() {
+        let mut session = session("SceneSSAO.xml", "pass2.samples=256");
+        rest(&mut session);
+        assert_eq!(samples(&session), Some(256));
+        for refine in [false, true] {
+            session.take(Command::Refine(refine));
+            rest(&mut session);
+        }
+        assert_eq!((error(&session), samples(&session)), (None, Some(256)));
     }
 }

@@ -208,9 +208,9 @@ impl Session {
     }
 
     fn begin_moving(&mut self) {
+        self.look_away();
         self.changed();
         (self.frame_due, self.moved) = (false, Some(Instant::now()));
-        self.look_away();
         // The metrics and the map of a comparison belong to the picture before the move.
         self.shared.change(|state| (state.refinement, state.error, state.compared) = (None, None, None));
     }
@@ -267,6 +267,11 @@ impl Session {
             Err(error) => return self.fail(&error),
         };
         let taken = accumulation.samples();
+        if taken >= goal {
+            // Refinement was asked for again after it had ended.
+            (self.accumulation, self.refine_due) = (Some(accumulation), false);
+            return;
+        }
         let batch = taken.clamp(FEW.into(), BATCH).min(goal - taken);
         let mut result = accumulation.add(renderer, batch as u32, &mut Silent);
         let samples = accumulation.samples();

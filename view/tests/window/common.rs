@@ -1,4 +1,4 @@
-//! A window without a screen: it is drawn on a software device, and its elements are found by their labels.
+//! A window without a screen: it is laid out, and drawn only if a test asks for a device. Its elements are found by their labels.
 
 use curitiba::Choice;
 use curitiba::pipeline::plan::Settings;

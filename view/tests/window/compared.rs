@@ -51,7 +51,7 @@ fn both_sides_are_chosen_from_one_list_and_the_numbers_name_them() {
     };
     let compared = window.app().state.compared.clone().expect("numbers");
     assert_eq!(compared.names, ["result", "SceneNoEffects.exr"]);
-    // The left side is chosen from its list: a file is compared with an output, whatever output is looked at.
+    // Both sides are chosen from their lists. Then a file is compared with an output, whatever output is shown.
     choose(&mut window, "right side", NORM);
     // The list shows the channel alone, and a tooltip the whole name.
     let names = |window: &Window| window.harness.query_all_by_label(NORM).count();

@@ -125,7 +125,7 @@ fn time_until_a_long_frame_is_given_up() {
     println!("given up after {middle:.2} ms (median of {count}; at most {most:.2}), {threads} threads");
 }
 
-/// The parts of a window's frame: their medians, and the sum of the medians.
+/// Prints the medians of the parts of the window's frames, and the median of the whole frames.
 fn print_parts(what: &str, frames: &[Frame]) {
     let of = |part: fn(&Frame) -> f64| median(frames.iter().map(part).collect());
     println!(
