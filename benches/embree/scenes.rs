@@ -140,9 +140,9 @@ impl OwnedJob {
     }
 }
 
-/// Prepares a scene. Without `@SEED`, `name` is `square:TRIANGLES` or a name that [`known`] has, and the view is the one
-/// written in this file. With `@SEED`, `name` may also be one of [`shapes::KINDS`] with `:TRIANGLES`, or a file in `folder`,
-/// and the seed chooses the view.
+/// Prepares a scene. `name` is `square:TRIANGLES`, one of [`shapes::KINDS`] with `:TRIANGLES`, a name that [`known`] has, or a
+/// file in `folder`; `@SEED` may follow. The seed chooses the view. Without a seed, the square and the known scenes have the
+/// views that are written in this file, and other scenes have the view of seed 1.
 ///
 /// # Errors
 /// The reason why it cannot be prepared.

@@ -77,7 +77,7 @@ pub fn cloud(cloud: &Cloud) -> PhotonCloud {
     }
 }
 
-/// The rays of a sphere's index of refraction.
+/// Rays through a sphere with the index of refraction of `ball`, at equally spaced angles of incidence.
 #[must_use]
 pub fn nodes(ball: &Ball) -> Vec<Turned> {
     let node = |ray: &curitiba_passes::effects::dielectric::Turned| Turned {

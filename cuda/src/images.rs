@@ -105,7 +105,7 @@ impl FocusedBuffers {
         self.described.set(device, "where the light is that glass focuses", vec![described])
     }
 
-    /// Copies the photons to the device. They are others in each batch of samples, so the host keeps no copy to compare them with.
+    /// Copies the photons to the device. They differ in each batch of samples, so the host keeps no copy for comparison.
     fn set_photons(&mut self, device: &Device, clouds: &[Cloud]) -> Result<(), BackendError> {
         let photons: Vec<&[u32]> = clouds.iter().map(|cloud| bytemuck::cast_slice(cloud.photons())).collect();
         let starts: Vec<&[u32]> = clouds.iter().map(Cloud::starts).collect();

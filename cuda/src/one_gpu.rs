@@ -519,9 +519,11 @@ impl<T: DeviceTracer> OneGpu<T> {
                 buffers.fill(&self.device, &mut params);
             }
             _ if !may_trace(job) => {
-                self.clear();
+                // The structure of another scene is kept: later passes over that scene trace in it.
                 unbuilt = SceneBuffers::new(&self.device, job.scene, None)?;
                 unbuilt.fill(&self.device, &mut params);
+                // Only the search for the bodies around the camera would trace in that structure. Without it, the camera is in no body.
+                params.around_eye = 0;
             }
             _ => return Err(check::missing(T::NAME, job, "its scene's acceleration structure was not built")),
         }

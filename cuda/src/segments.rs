@@ -140,7 +140,7 @@ impl OptixSegments {
     /// As [`CudaSegments::new`].
     ///
     /// # Errors
-    /// As there, and if the driver has no OptiX.
+    /// As for [`CudaSegments::new`], and if the driver has no OptiX.
     pub fn new(geometry: &Geometry, see_through: &[bool]) -> Result<Self, BackendError> {
         let device = Device::first(OptixTracer::NAME)?;
         device.bind()?;

@@ -1,5 +1,8 @@
-//! The counts of `.ci/run`, and that it runs the commands shown in the README.
+//! The counts of `.ci/run`, and that it runs the commands shown in the README. Also that `cuda/conformance.sh` runs every test that needs
+//! an NVIDIA GPU.
 
+use std::collections::BTreeSet;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -59,6 +62,9 @@ fn the_tests_that_were_skipped_are_named_with_their_programs() {
             .replace("test a ", "test parts::b ")
             .replace("successes:\n\n", &format!("successes:\n\n---- parts::b stdout ----\n{skipped}\n")),
         part("unittests src/lib.rs (target/debug/deps/another-6a7b)", "").replace("test a ", "test c "),
+        part("unittests src/main.rs (target/debug/deps/program-8c9d)", skipped)
+            .replace("test a ", "test d ")
+            .replace("- a s", "- d s"),
     ];
     std::fs::write(&log, parts.concat()).expect("written");
     let lines = |option: &str| {
@@ -69,8 +75,24 @@ fn the_tests_that_were_skipped_are_named_with_their_programs() {
         lines.sort_unstable();
         lines
     };
-    assert_eq!(sorted(lines("--programs")), ["--lib", "--test", "own_rays"]);
-    assert_eq!(sorted(lines("--skipped")), ["a", "parts::b"]);
+    assert_eq!(sorted(lines("--programs")), ["--bins", "--lib", "--test", "own_rays"]);
+    assert_eq!(sorted(lines("--skipped")), ["a", "d", "parts::b"]);
+}
+
+#[test]
+fn a_doc_test_that_was_skipped_is_an_error_because_it_is_not_run_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("log.txt");
+    let name = "src/lib.rs - open (line 5)";
+    let tests = part("tests/rays.rs (target/debug/deps/rays-2c3d)", "skipped: no GPU\n");
+    let docs = tests.replace("     Running tests/rays.rs (target/debug/deps/rays-2c3d)", "   Doc-tests some_passes");
+    let docs = docs.replace("test a ", &format!("test {name} ")).replace("- a s", &format!("- {name} s"));
+    std::fs::write(&log, tests + &docs).expect("written");
+    let log = log.to_str().expect("a path in UTF-8");
+    let programs = bash(&root(".ci/count"), &["--programs", log]);
+    assert_eq!((programs.status.code(), text(&programs.stdout)), (Some(1), "--test\nrays\n".to_owned()));
+    assert!(text(&programs.stderr).contains(&format!("the doc test `{name}`")), "{}", text(&programs.stderr));
+    assert_eq!(text(&bash(&root(".ci/count"), &[log]).stdout), "0 passed, 0 failed, 2 skipped\n");
 }
 
 #[test]
@@ -170,6 +192,9 @@ fn api(arguments: &[&Path]) -> Option<Output> {
     output.ok()
 }
 
+/// Words of the error about a format of rustdoc that `.ci/api` does not read.
+const OTHER_FORMAT: &str = "rustdoc wrote format";
+
 /// Writes rustdoc's description of a crate as a list of its public items; `None` if rustdoc's format is not the
 /// expected one.
 fn interface(folder: &Path, name: &str, code: &str) -> Option<PathBuf> {
@@ -184,12 +209,12 @@ fn interface(folder: &Path, name: &str, code: &str) -> Option<PathBuf> {
         .expect("rustdoc starts");
     assert!(output.status.success(), "{}", text_of(&output));
     let listed = api(&[Path::new("--of"), &folder.join("small.json")])?;
-    assert!(listed.status.success(), "{}", text_of(&listed));
-    let list = text(&listed.stdout);
-    if list.starts_with("left out:") {
-        println!("skipped: {list}");
+    if text(&listed.stderr).contains(OTHER_FORMAT) {
+        println!("skipped: {}", text(&listed.stderr));
         return None;
     }
+    assert!(listed.status.success(), "{}", text_of(&listed));
+    let list = text(&listed.stdout);
     let path = folder.join(name);
     std::fs::write(&path, list).expect("written");
     Some(path)
@@ -251,5 +276,107 @@ fn a_change_of_the_public_interface_is_noticed() {
         let after = interface(folder.path(), "after.txt", &changed).expect("as before");
         let compared = api(&[Path::new("--compare"), &before, &after]).expect("as before");
         assert_eq!(compared.status.success(), !breaks, "{old} became {new}:\n{}", text_of(&compared));
+    }
+}
+
+#[test]
+fn another_format_of_rustdoc_is_an_error_with_advice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("small.json");
+    std::fs::write(&file, r#"{"format_version": 1}"#).expect("written");
+    let Some(listed) = api(&[Path::new("--of"), &file]) else { return };
+    let error = text(&listed.stderr);
+    assert_eq!((listed.status.code(), text(&listed.stdout)), (Some(1), String::new()), "{error}");
+    for words in ["small.json", OTHER_FORMAT, "format 1,", "RUSTUP_TOOLCHAIN="] {
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn the_versions_of_two_released_lists_are_no_items() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [old, new, without] =
+        [("old", "0.1.0\nsmall::sum: fn()\n"), ("new", "0.2.0\nsmall::sum: fn()\n"), ("without", "small::sum: fn()\n")]
+            .map(|(name, list)| {
+                let path = folder.path().join(name);
+                std::fs::write(&path, list).expect("written");
+                path
+            });
+    for (old, new) in [(&old, &new), (&old, &without), (&without, &new)] {
+        let Some(compared) = api(&[Path::new("--compare"), old, new]) else { return };
+        assert!(compared.status.success(), "{}", text_of(&compared));
+        assert_eq!(text(&compared.stdout), "crate: 0 lines are gone, 0 are new\n");
+    }
+}
+
+/// The Rust files in a folder and in the folders below it.
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("readable").path());
+    let files = |path: PathBuf| if path.is_dir() { rust_files(&path) } else { vec![path] };
+    entries.flat_map(files).filter(|path| path.extension().is_some_and(|extension| extension == "rs")).collect()
+}
+
+/// The test programs that ask for an NVIDIA GPU. Where a program has other tests as well, checks that these have the word in their names by
+/// which `cuda/conformance.sh` chooses them.
+fn programs_with_nvidia_tests() -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for folder in ["tests", "cuda/tests", "passes/tests", "pipeline/tests", "view/tests"].map(root) {
+        for path in rust_files(&folder) {
+            let text = std::fs::read_to_string(&path).expect("text");
+            if !["nvidia::there", "var_os(\"CURITIBA_REQUIRE_CUDA_TESTS\")"].iter().any(|words| text.contains(words)) {
+                continue;
+            }
+            let below = path.strip_prefix(&folder).expect("below it");
+            let program = below.iter().next().and_then(|first| Path::new(first).file_stem()?.to_str()).expect("a name");
+            if matches!(program, "frames" | "shaders") {
+                for test in text.split("#[test]\nfn ").skip(1).filter(|test| test.contains("nvidia::there")) {
+                    let name = test.split('(').next().unwrap_or_default();
+                    assert!(name.contains("nvidia_gpus"), "{}: rename `{name}`: …_nvidia_gpus_…", path.display());
+                }
+            }
+            found.insert(program.to_owned());
+        }
+    }
+    // What the tests share, and this file.
+    found.remove("nvidia");
+    found.remove("checkout");
+    found
+}
+
+#[test]
+fn every_test_that_needs_an_nvidia_gpu_is_run_by_the_script_for_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // A stand-in for a program: prints its name and arguments, or lists its tests.
+    let write = |name: &str, tests: &str| {
+        let path = folder.path().join(name);
+        let listed = format!("if [ \"$1\" = --list ]; then echo \"{tests}\"; exit; fi\n");
+        std::fs::write(&path, format!("#!/bin/sh\n{listed}echo \"$(basename \"$0\") $*\"\n")).expect("written");
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).expect("made executable");
+    };
+    let run = || {
+        let binaries = folder.path().to_str().expect("a path in UTF-8");
+        bash(&root("cuda/conformance.sh"), &[binaries, "unwritten.json"])
+    };
+    let programs = programs_with_nvidia_tests();
+    assert!(programs.len() >= 5, "{programs:?}");
+    for name in ["curitiba", "conformance"] {
+        write(name, "");
+    }
+    for name in &programs {
+        write(&format!("{name}-0a1b"), "some: test");
+    }
+    let all = run();
+    assert!(all.status.success(), "{}", text_of(&all));
+    let ran = text(&all.stdout);
+    let ran: BTreeSet<&str> = ran.lines().filter_map(|line| Some(line.split_once("-0a1b")?.0)).collect();
+    assert_eq!(ran, programs.iter().map(String::as_str).collect::<BTreeSet<_>>());
+    // A program without such tests, and one that is missing.
+    write("frames-0a1b", "0 tests");
+    std::fs::remove_file(folder.path().join("segments-0a1b")).expect("removed");
+    let some = run();
+    let error = text(&some.stderr);
+    assert_eq!(some.status.code(), Some(1), "{error}");
+    for words in ["frames-… has tests named `…nvidia_gpus…`", "segments-… has tests:"] {
+        assert!(error.contains(words), "{words}: {error}");
     }
 }

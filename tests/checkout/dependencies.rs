@@ -148,7 +148,7 @@ fn the_documentation_names_every_direct_dependency_and_no_other() {
         assert!(named.contains(&name.as_str()), "{by} depends on `{name}`, of which docs/dependencies.md has no row");
     }
     for name in &named {
-        // Names of features, and of crates that only `fuzz/` and `python/` use.
+        // Other names in backticks: features, folders, pages, and crates that only `fuzz/` and `python/` use.
         const OTHERS: [&str; 12] = [
             "cuda",
             "embree",

@@ -24,7 +24,7 @@ const CASES: [(&str, &[&str]); 5] = [
     ("glass/Frosted", &["pass2.samples=0", "pass2.paths=64", "pass2.shadow=caustic", "pass2.photons=50000"]),
 ];
 
-/// The second frame, and what it spent.
+/// The picture of the second frame, and the paths that the frame spent.
 fn frame(raster: Box<dyn Rasteriser>, rays: Box<dyn RayBackend>, (name, set): (&str, &[&str])) -> (Image, PathsSpent) {
     let mut set: Vec<String> = set.iter().map(|one| (*one).to_owned()).collect();
     set.push(format!("pass2.error={ERROR}"));

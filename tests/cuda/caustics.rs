@@ -6,8 +6,9 @@ use curitiba::BackendChoice;
 use curitiba::conformance::Record;
 use curitiba::pipeline::backend::RayCounts;
 
-/// Under a point and under a disc; where nothing is near points, few rays and many; with each kind of texture lookup and of weights; with paths that
-/// are followed as ways; and where spheres touch and lie in each other. The last is a control without focused light.
+/// With a light that is a point and with one that is a disc; without occlusion, with few occlusion rays and with many; with each kind of
+/// texture lookup and of reflection's weights; with paths that are followed as ways; and where spheres touch and lie in each other.
+/// The last run is a control without focused light.
 const RUNS: [(&str, &[&str]); 9] = [
     ("glass/Caustics", &["pass2.sun=0", "pass2.samples=0"]),
     ("glass/Caustics", &["pass2.sun=0", "pass2.samples=2"]),
@@ -30,7 +31,7 @@ fn focused(backend: BackendChoice) {
             assert_eq!(glass(record.rays), glass(cpu), "{words}");
         }
     }
-    // Without focused light the backends leave out other rays of shadows than the processor, as in all tests of `final`.
+    // Without focused light, the backends and the processor leave out different shadow rays, as in all tests of `final`.
     for record in &records[..RUNS.len() - 1] {
         let (own, cpu) = (record.rays.shadow, record.cpu_rays.expect("the processor ran").shadow);
         assert!(own.abs_diff(cpu) <= cpu / 50, "{}: {own} and {cpu} rays of shadows", record.in_words());
@@ -49,8 +50,8 @@ fn light_that_spheres_focus_on_optix_is_the_processors() {
     focused(BackendChoice::Optix);
 }
 
-/// Photons at meshes: under a point and under discs; without occlusion, with few occlusion rays and with many; where paths are followed as ways;
-/// with a radius of its own. The last is a control without photons.
+/// Photons at meshes: with a light that is a point and with lights that are discs; without occlusion, with few occlusion rays and with
+/// many; with paths that are followed as ways; and with `photonradius` set. The last run is a control without photons.
 const PHOTON_RUNS: [(&str, &[&str]); 7] = [
     ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sun=0", "pass2.samples=0"]),
     ("glass/MeshCaustics", &["pass2.photons=20000", "pass2.sun=0", "pass2.samples=2", "pass2.fresnel=schlick"]),

@@ -1,13 +1,18 @@
-//! Scenes with a sky, and scenes with glass whose transmission has a texture, with and without interpolation between texels.
+//! Scenes with a sky, and scenes with glass whose transmission has a texture, with and without interpolation between texels. Also passes
+//! over two scenes.
 
 use super::conformance::record_of;
 use super::lamps::add_lamps;
-use super::{file, project, there};
+use super::{file, loaded, project, there};
 use curitiba::conformance::Found;
-use curitiba::pipeline::backend::RayCounts;
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::{Image, write_png};
-use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::plan::{Plan, Settings};
+use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba::pipeline::project::{self, MaterialPattern, Project, SceneOptions, SceneProjects};
+use curitiba::pipeline::scene::RenderScene;
 use curitiba::{BackendChoice, Choice};
 use glam::{DVec3, Vec3};
 use std::path::Path;
@@ -253,4 +258,68 @@ fn the_body_around_the_camera_absorbs_on_our_own_tracer_as_on_the_processor() {
 #[test]
 fn the_body_around_the_camera_absorbs_on_optix_as_on_the_processor() {
     a_body_around_the_camera(BackendChoice::Optix);
+}
+
+/// A backend that runs each job twice, and between the runs a job over another scene that traces no ray.
+struct Interrupted(Box<dyn RayBackend>);
+
+impl RayBackend for Interrupted {
+    fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    fn device(&self) -> String {
+        self.0.device()
+    }
+
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
+        self.0.supports(program, fidelity)
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.0.build(scene, filtered)
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        self.0.bytes_per_triangle()
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        self.0.run(job, output, progress)?;
+        let first = output.pixels.clone();
+        let other = job.scene.clone();
+        let still = RayJob { scene: &other, params: RayParams { samples: 0, ..job.params }, ..*job };
+        self.0.run(&still, output, progress)?;
+        assert!(output.pixels.iter().all(|pixel| *pixel == [1.0; 4]), "nothing occludes without rays");
+        let stats = self.0.run(job, output, progress)?;
+        assert!(output.pixels == first, "another picture than before");
+        Ok(stats)
+    }
+}
+
+fn keeps_its_structure(backend: BackendChoice) {
+    let Some(rays) = there(Choice::CPU.traced_by(backend)) else { return };
+    let settings = Settings { size: Some([96, 64]), set: vec!["pass2.samples=9".to_owned()], ..Settings::default() };
+    let plan = Plan::new(loaded("SceneSSAO"), settings).expect("the plan stands");
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(Interrupted(rays)));
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
+    renderer.frame(&mut Silent).expect("rendered");
+    let rays = renderer.timeline().rows.iter().find_map(|row| row.rays).expect("rays were traced");
+    assert!(rays.occlusion + rays.certain > 1000, "{rays:?}");
+}
+
+/// Runs on any machine: GPUs are asked for the same.
+#[test]
+fn a_pass_without_rays_over_another_scene_leaves_the_structure_on_the_processor() {
+    keeps_its_structure(BackendChoice::Cpu);
+}
+
+#[test]
+fn a_pass_without_rays_over_another_scene_leaves_the_structure_on_our_own_tracer() {
+    keeps_its_structure(BackendChoice::Cuda);
+}
+
+#[test]
+fn a_pass_without_rays_over_another_scene_leaves_the_structure_on_optix() {
+    keeps_its_structure(BackendChoice::Optix);
 }

@@ -12,7 +12,7 @@
 //! |---|---|---|
 //! | `machine` | any command that writes an environment | a sentence: processor, threads, devices, commit, date, command |
 //! | `cases` | `curitiba bench`, several files | a row for each case: the frame and the error in each file, and the 2014 report's frame |
-//! | `pictures` | `curitiba bench` | a row for each row: the error of the effect, and of the picture |
+//! | `pictures` | `curitiba bench` | a row for each row of the file: the error of the effect, and of the picture |
 //! | `backends` | `examples/conformance`, several files | a row for each ray pass: device milliseconds of each backend; `names=` names the files |
 //! | `agreement` | `examples/conformance`, several files | a row for each ray pass: how far each backend's picture differs from the processor's |
 //! | `counts` | `curitiba bench`, several files | a row for each case with a ray pass: rays of each kind |

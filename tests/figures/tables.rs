@@ -413,7 +413,7 @@ fn passes(files: &[Value]) -> Result<String, String> {
     Ok(out)
 }
 
-/// A row for each scene: milliseconds of a build on all threads, and bytes per triangle.
+/// A row for each scene: milliseconds of a build on all threads.
 fn builds(files: &[Value]) -> Result<String, String> {
     let mut out = String::new();
     for scene in scenes(files) {

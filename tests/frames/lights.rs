@@ -2,11 +2,11 @@
 //! forms, on the processor and on a device. Also settings with which they are refused.
 //!
 //! Pictures of the device need a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one those tests print `skipped`,
-//! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`.
+//! or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`. Pictures of an NVIDIA GPU are skipped without one, or fail with
+//! `CURITIBA_REQUIRE_CUDA_TESTS=1`.
 
 use crate::own_shaders::has_driver;
 use curitiba::bench::Case;
-use curitiba::engines::ray_backend;
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::metrics::{self, Options};
@@ -206,57 +206,67 @@ fn the_rasteriser_of_a_device_shows_the_same_shadows_of_several_lights() {
     assert!(rmse(&cpu, &fewer) > 0.02);
 }
 
-/// The available ray backends of devices, beside the processor's.
-fn devices() -> Vec<BackendChoice> {
-    let of_gpus = |backend| match ray_backend(Choice::CPU.traced_by(backend)) {
-        Ok(_) => true,
-        Err(error) => {
-            println!("skipped: {error}");
-            false
-        }
-    };
-    let mut found = if has_driver() { vec![BackendChoice::Wgpu] } else { Vec::new() };
-    found.extend([BackendChoice::Cuda, BackendChoice::Optix].into_iter().filter(|backend| of_gpus(*backend)));
-    found
-}
-
-#[test]
-fn rays_of_devices_show_the_same_lights_and_ask_for_no_fallback() {
+fn shows_the_same_lights(backend: BackendChoice) {
     let [scene, fewer] = [ALL, "<light>Sun</light><light>Spot</light>"].map(Scene::new);
-    for backend in devices() {
-        // Software drivers need half a minute to compile `final`, which the tests of the backend compare.
-        let pipelines = if backend == BackendChoice::Wgpu { &["shadows"][..] } else { &["shadows", "final"] };
-        for pipeline in pipelines {
-            let set = if *pipeline == "final" { vec!["trace.samples=0".to_owned()] } else { Vec::new() };
-            let settings = Settings { set, ..Settings::default() };
-            let picture = |scene: &Scene, choice: Choice| {
-                let mut renderer = scene.open(pipeline, settings.clone(), choice).expect("opened");
-                renderer.frame(&mut Silent).expect("it renders")
-            };
-            let device = picture(&scene, Choice::CPU.traced_by(backend));
-            // Some rays at edges hit another triangle.
-            let error = rmse(&picture(&scene, Choice::CPU), &device);
-            assert!(error < 0.005, "{backend:?} {pipeline}: {error}");
-            assert!(rmse(&picture(&fewer, Choice::CPU), &device) > 0.02, "{backend:?} {pipeline}");
-        }
+    // Software drivers need half a minute to compile `final`, which the tests of the backend compare.
+    let pipelines = if backend == BackendChoice::Wgpu { &["shadows"][..] } else { &["shadows", "final"] };
+    for pipeline in pipelines {
+        let set = if *pipeline == "final" { vec!["trace.samples=0".to_owned()] } else { Vec::new() };
+        let settings = Settings { set, ..Settings::default() };
+        let picture = |scene: &Scene, choice: Choice| {
+            let mut renderer = scene.open(pipeline, settings.clone(), choice).expect("opened");
+            renderer.frame(&mut Silent).expect("it renders")
+        };
+        let device = picture(&scene, Choice::CPU.traced_by(backend));
+        // Some rays at edges hit another triangle.
+        let error = rmse(&picture(&scene, Choice::CPU), &device);
+        assert!(error < 0.005, "{backend:?} {pipeline}: {error}");
+        assert!(rmse(&picture(&fewer, Choice::CPU), &device) > 0.02, "{backend:?} {pipeline}");
     }
 }
 
 #[test]
-fn rays_of_devices_show_the_same_discs_of_one_light_and_of_several() {
-    let [several, alone] = [ALL, "<light>Sun</light>"].map(Scene::on_lit_floor);
-    for backend in devices() {
-        for scene in [&several, &alone] {
-            let picture = |sun: &str, choice: Choice| {
-                let set = vec![format!("trace.sun={sun}"), "trace.sunsamples=8".to_owned()];
-                let mut renderer =
-                    scene.open("shadows", Settings { set, ..Settings::default() }, choice).expect("opened");
-                renderer.frame(&mut Silent).expect("it renders")
-            };
-            let device = picture("8", Choice::CPU.traced_by(backend));
-            let error = rmse(&picture("8", Choice::CPU), &device);
-            let hard = rmse(&picture("0", Choice::CPU), &device);
-            assert!(error < 0.25 * hard && hard > 0.002, "{backend:?}: {error} {hard}");
+fn rays_of_a_device_show_the_same_lights_and_ask_for_no_fallback() {
+    if has_driver() {
+        shows_the_same_lights(BackendChoice::Wgpu);
+    }
+}
+
+#[test]
+fn rays_on_nvidia_gpus_show_the_same_lights_and_ask_for_no_fallback() {
+    for backend in [BackendChoice::Cuda, BackendChoice::Optix] {
+        if crate::nvidia::there(Choice::CPU.traced_by(backend)).is_some() {
+            shows_the_same_lights(backend);
+        }
+    }
+}
+
+fn shows_the_same_discs(backend: BackendChoice) {
+    for scene in [ALL, "<light>Sun</light>"].map(Scene::on_lit_floor) {
+        let picture = |sun: &str, choice: Choice| {
+            let set = vec![format!("trace.sun={sun}"), "trace.sunsamples=8".to_owned()];
+            let mut renderer = scene.open("shadows", Settings { set, ..Settings::default() }, choice).expect("opened");
+            renderer.frame(&mut Silent).expect("it renders")
+        };
+        let device = picture("8", Choice::CPU.traced_by(backend));
+        let error = rmse(&picture("8", Choice::CPU), &device);
+        let hard = rmse(&picture("0", Choice::CPU), &device);
+        assert!(error < 0.25 * hard && hard > 0.002, "{backend:?}: {error} {hard}");
+    }
+}
+
+#[test]
+fn rays_of_a_device_show_the_same_discs_of_one_light_and_of_several() {
+    if has_driver() {
+        shows_the_same_discs(BackendChoice::Wgpu);
+    }
+}
+
+#[test]
+fn rays_on_nvidia_gpus_show_the_same_discs_of_one_light_and_of_several() {
+    for backend in [BackendChoice::Cuda, BackendChoice::Optix] {
+        if crate::nvidia::there(Choice::CPU.traced_by(backend)).is_some() {
+            shows_the_same_discs(backend);
         }
     }
 }

@@ -278,7 +278,8 @@ struct Difference {
     ratio: f64,
 }
 
-/// Compares pixels by their standard errors. `error` returns ours for a pixel and its value; it is added to the oracle's.
+/// Compares pixels by their standard errors. `error` returns our standard error for a pixel's index and value. It is combined with the
+/// oracle's standard error.
 fn difference(
     stored: &Stored,
     ours: &Ours,
@@ -388,7 +389,7 @@ fn occlusion(name: &str, change: impl Fn(&mut RayParams)) -> Difference {
 
 #[test]
 fn ambient_occlusion_is_the_light_of_a_white_sky_or_of_what_is_near() {
-    // Negative controls: a hemisphere of another radius, and the report's exponent.
+    // Negative controls: a hemisphere of another radius, and an exponent of 1.05 in place of 1.
     for (name, radius) in [("ambient_occlusion", 1.0), ("ambient_near", 0.52)] {
         let found = occlusion(name, |params| params.samples = 4096);
         println!("{name}: {found:?}");

@@ -1,8 +1,9 @@
 //! The raster effects on the shipped square give the same pictures with both rasterisers, maps included.
 //!
-//! Needs a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print `skipped`, or fail
-//! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
+//! Needs a Vulkan, Metal or DirectX 12 driver (a software driver will do). Without one, tests print `skipped` and test only what the
+//! processor does alone, or fail with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
 
+use crate::own_shaders::has_driver;
 use curitiba::pipeline::backend::Answers;
 use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, write_png};
@@ -80,9 +81,7 @@ fn keep_picture(name: &str, image: &Image) {
 
 #[test]
 fn both_rasterisers_compute_the_same_effects_on_the_square() {
-    if let Err(error) = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }) {
-        assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none_or(|value| value != "1"), "{error}");
-        println!("skipped: {error}");
+    if !has_driver() {
         return;
     }
     let mut cpu = Shared::of(Choice::CPU);
@@ -143,6 +142,20 @@ fn another_parameter_is_found_out() {
     }
 }
 
+/// The rasterisers and ray backends of the processor and of `wgpu`, in all combinations. Without a driver these are the processor's alone,
+/// and it is printed that the others are skipped.
+fn all_engines() -> Vec<(RasterChoice, BackendChoice)> {
+    let mut all = vec![(RasterChoice::Cpu, BackendChoice::Cpu)];
+    if has_driver() {
+        all.extend([
+            (RasterChoice::Wgpu, BackendChoice::Cpu),
+            (RasterChoice::Cpu, BackendChoice::Wgpu),
+            (RasterChoice::Wgpu, BackendChoice::Wgpu),
+        ]);
+    }
+    all
+}
+
 /// The picture of one of the shipped square's projects, and the statistics of what answered its glass pixels.
 fn rendered(engines: &mut Shared, file: &str, settings: Settings) -> (Image, Option<Answers>) {
     engines.with(file, settings, |renderer| {
@@ -153,10 +166,7 @@ fn rendered(engines: &mut Shared, file: &str, settings: Settings) -> (Image, Opt
 
 #[test]
 fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
-    let gpu = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }).is_ok();
-    let (cpu, wgpu) = ((RasterChoice::Cpu, BackendChoice::Cpu), (RasterChoice::Wgpu, BackendChoice::Wgpu));
-    let all = [cpu, (RasterChoice::Wgpu, BackendChoice::Cpu), (RasterChoice::Cpu, BackendChoice::Wgpu), wgpu];
-    for (raster, backend) in all.into_iter().filter(|engines| gpu || *engines == cpu) {
+    for (raster, backend) in all_engines() {
         let mut engines = Shared::of(Choice { raster, backend, ..Choice::CPU });
         for (screen, rays) in [("ScreenReflect", "SceneReflect.xml"), ("ScreenRefract", "SceneRefract.xml")] {
             let screen = format!("raster/Scene{screen}.xml");
@@ -199,10 +209,7 @@ fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
 
 #[test]
 fn shadow_maps_with_rays_at_the_borders_are_nearly_what_the_ray_pass_writes() {
-    let gpu = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }).is_ok();
-    let (cpu, wgpu) = ((RasterChoice::Cpu, BackendChoice::Cpu), (RasterChoice::Wgpu, BackendChoice::Wgpu));
-    let all = [cpu, (RasterChoice::Wgpu, BackendChoice::Cpu), (RasterChoice::Cpu, BackendChoice::Wgpu), wgpu];
-    for (raster, backend) in all.into_iter().filter(|engines| gpu || *engines == cpu) {
+    for (raster, backend) in all_engines() {
         let mut engines = Shared::of(Choice { raster, backend, ..Choice::CPU });
         let maps = "raster/SceneShadowMap.xml";
         for camera in [None, Some("Vidro")] {

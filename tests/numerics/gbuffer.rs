@@ -244,9 +244,9 @@ fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
     assert!(half.occlusion[1] > 5.0 * half.occlusion[0].max(0.005), "negative control: {half:?}");
 }
 
-/// Looks at the pixels of the square that the rule for depth changes. Counts, for the former and the present depth, those
-/// that show a triangle farther by more than a millionth than the first hit in `f64`. In the other pixels, surfaces are
-/// coplanar, or an outline passes nearby.
+/// Draws the square with and without `snapped_depth`, the former and the present rule for depth. Among the pixels that then show
+/// different triangles, counts those that show, by each rule, a triangle farther by more than a millionth than the first hit in
+/// `f64`. In the other pixels, surfaces are coplanar, or an outline passes nearby.
 #[test]
 fn the_rule_for_depth_changes_the_square_only_where_surfaces_lie_in_one_plane() {
     let Setting { scene, shades, view, sun, .. } = setting(Vec3::ZERO);

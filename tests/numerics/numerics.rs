@@ -1,4 +1,4 @@
-//! Hard cases of floating point. As a control, each test also runs a method that fails. See `docs/numerics.md`.
+//! Hard cases of floating point. As a control, many tests also run a method that fails. See `docs/numerics.md`.
 
 #[path = "../../passes/tests/trace_scenes/mod.rs"]
 mod trace_scenes;

@@ -177,7 +177,7 @@ def bsdf(material):
 
 
 def described(number, material, images):
-    """The same for a glTF file. Adds the pictures that it names to `images`."""
+    """The material for a glTF file. Adds the pictures that the material names to `images`."""
     plain = {"name": f"material {number}", "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0}}
     if "emits" in material:
         emits = material["emits"]
@@ -203,7 +203,7 @@ def described(number, material, images):
 
 
 def store(name, about, scene, set, samples, mean, error, camera=CAMERA, sun=None, unseen=None):
-    """Writes both files. `set` is what our program is told of its ray pass, `unseen` what the standard errors do not know of."""
+    """Writes both files. `set` holds the settings of our ray pass. `unseen` is an error that the standard errors miss."""
     result = {
         "about": about,
         "made_by": f"Mitsuba {mi.__version__}, {mi.variant()}",
@@ -226,8 +226,8 @@ def render(name, about, scene, set=(), samples=2048, camera=CAMERA, around=None)
 
 
 def seen(scene, samples, camera, seed=7, around=None):
-    """Means and standard errors of the pixels whose centres show glass, None of others. With the number of the body `around` the camera those
-    of all that it sees."""
+    """Means and standard errors of the pixels whose centres show glass, and None for other pixels. With `around`, the number of the body
+    that contains the camera, all pixels that show a surface are included."""
     loaded = mi.load_dict({"type": "scene", **scene.meshes()})
     absorbs = any(any(material.get("extinction", ())) for material in scene.materials)
     kind = "volpathmis" if absorbs else "path"
@@ -274,7 +274,7 @@ def filled():
 
 
 def inside():
-    """Inside of a body Mitsuba's radiance of what is outside is greater by the square of the index, which ours leaves out."""
+    """In Mitsuba, light that enters a body has a radiance greater by the square of the index; our programs leave this factor out."""
     scene, index = Bodies(), 1.5
     body = scene.material(glass(index, (0.1, 0.5, 1.0)))
     scene.sphere(body, (0, 0, 0), 2.0, 1, False)
@@ -321,7 +321,7 @@ def prism():
         mean = mean + weight * np.array([row for row in means if row is not None])
         variance = variance + (weight * np.array([row for row in errors if row is not None])) ** 2
     rows = lambda values: [values[place] if there else None for there, place in zip(shown, np.cumsum(shown) - 1)]
-    # A border between two cells moves by a part of a stratum, which has up to a fortieth of a colour.
+    # `unseen`: a border between two cells moves by a part of a stratum of wavelengths, which has up to a fortieth of a colour.
     about = "A body of 80 flat faces, index 1.5 and Abbe's number 20, wavelength by wavelength."
     set = ["pass2.depth=5", f"pass2.wavelengths={count}"]
     store("body_prism", about, scene_of(index), set, count * samples, rows(mean), rows(np.sqrt(variance)), unseen=2e-3)

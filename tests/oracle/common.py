@@ -132,8 +132,8 @@ def independent(seed):
 
 
 def estimated(loaded, camera, shows, sample, samples):
-    """For each pixel the mean of what `sample` returns for its ray, and the standard error of that mean, 0 of one sample. None where
-    `shows` rejects what the centre of the pixel shows, or where a sample is None."""
+    """For each pixel the mean of what `sample` returns for its ray, and the standard error of that mean, which is 0 for one sample.
+    None where `shows` rejects what the centre of the pixel shows, or where a sample is None."""
     means, errors = [], []
     for ray in rays(camera):
         hit = loaded.ray_intersect(ray)
@@ -150,7 +150,7 @@ def estimated(loaded, camera, shows, sample, samples):
 
 
 def rounded(what, digits):
-    """Numbers, in lists or not, with so many digits; None stays."""
+    """Rounds numbers, in lists or not, to `digits` significant digits; None stays."""
     if what is None:
         return None
     if isinstance(what, (list, np.ndarray)):

@@ -18,15 +18,16 @@ MIRROR = {"type": "twosided", "nested": {"type": "conductor", "material": "none"
 
 
 class Mirrored:
-    """Paths over at most `mirrors` mirrors to a surface that is none: Mitsuba's hits, interpolated normals, mirrors and light. Only
-    the places where rays start are chosen here: those of its `path` are a ten-thousandth and more off a surface, which these pictures would
-    show. `path` must find the same but for that. A sample is None where an interpolated normal mirrors into the body."""
+    """Follows paths over at most `mirrors` mirrors to a surface that is not a mirror. Hits, interpolated normals, mirrors and light are
+    Mitsuba's. Only the origins of rays are chosen here: Mitsuba's integrator `path` starts rays a ten-thousandth or more off a surface,
+    which these pictures would show. Apart from that, `path` must give the same values. A sample is None where an interpolated normal
+    mirrors into the body."""
 
     # Offset of ray origins from the surface, per (1 + greatest coordinate): a few times the rounding of positions.
     OFF = 5e-7
 
     def __init__(self, mirrors, segments):
-        """`segments` lead from the last mirror to the light: 1, or 2 by a diffuse surface."""
+        """`segments` is the number of path segments from the last mirror to the light: 1, or 2 by way of a diffuse surface."""
         self.mirrors = mirrors
         path = lambda most: mi.load_dict({"type": "path", "max_depth": most, "rr_depth": 100})
         self.path, self.end = path(mirrors + segments), path(segments)
@@ -63,7 +64,7 @@ def mirrored(name, about, scene, camera, depth, emitters=None, segments=1):
 
 
 def waves(x, y, z):
-    """Differs from vertex to vertex, and along each axis otherwise."""
+    """A tint that differs from vertex to vertex, and that varies differently along each axis."""
     return 0.6 + 0.3 * math.sin(1.1 * x + 0.4 * z) * math.cos(0.8 * y - 0.3 * x + 0.5) + 0.1 * math.sin(1.7 * z + 0.9 * y)
 
 

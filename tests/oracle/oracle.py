@@ -18,16 +18,16 @@ from common import FOLDER, SHADES, SIDE, Geometry, estimated, independent, mesh,
 
 
 class Scene(Geometry):
-    """Triangles by material. `tint` of a position, if there is one, scales at each vertex what its material emits. Mitsuba cannot
-    sample points of such emitters, so they are black mirrors, which ask for no light."""
+    """Triangles by material. `tint`, if given, is a function of the position that scales at each vertex what its material emits. Mitsuba
+    cannot sample points of such emitters, so they get the material of a black mirror, for which Mitsuba samples no emitter."""
 
     def __init__(self, tint=None):
         super().__init__()
         self.tint = tint
 
     def material(self, diffuse, glass=False, factor=None, reflects=False):
-        """`factor` times the ambient colour of our programs, 0.3 * diffuse, is what Mitsuba's emitter sends out. An emitter reflects
-        nothing there, unless it `reflects`; then it must not shine on anything."""
+        """In Mitsuba the material emits `factor` times the ambient colour of our programs, 0.3 * diffuse; with None it emits nothing. An
+        emitter reflects no light unless `reflects` is set. An emitter that reflects must not shine on anything."""
         self.materials.append({"diffuse": diffuse, "glass": glass, "factor": factor, "reflects": reflects or factor is None})
         return len(self.materials) - 1
 
@@ -166,7 +166,7 @@ def ambient():
 
 
 class Near:
-    """The share of directions, by their cosines, in which nothing is within `radius`."""
+    """The share of directions, weighted by their cosines, in which nothing is within `radius`."""
 
     def __init__(self, radius):
         self.radius, self.ray = radius, None
@@ -198,7 +198,7 @@ def ambient_near():
 
 
 def walls(scene, behind):
-    """A wall in front of the panes and one behind, each turned to them. A factor scales what Mitsuba's emitter sends."""
+    """A wall in front of the panes and one behind, each turned to them. `behind` scales what the wall behind emits in Mitsuba."""
     scene.checker((0, 0, 9), (14, 0, 0), (0, -14, 0), 7, 1.0, SHADES)
     scene.checker((0, 0, -4), (14, 0, 0), (0, 14, 0), 14, behind, SHADES[::-1])
 

@@ -108,7 +108,7 @@ class Browser:
         return base64.b64decode(taken["data"])
 
     def part(self, box):
-        """A picture of a part of the window: left, top, width, height; when what is new there has been drawn."""
+        """A picture of the part `box` of the window (left, top, width, height), taken when pending changes have been drawn."""
         self.run("return Promise.all([...document.querySelectorAll('.stage img')].map(image => image.decode()))")
         time.sleep(0.4)
         x, y = self.run("return [scrollX, scrollY]")
@@ -117,7 +117,7 @@ class Browser:
         return base64.b64decode(self.devtools("Page.captureScreenshot", format="png", clip=clip)["data"])
 
     def nameless(self):
-        """What can be operated and has no name for who does not see it, by the browser's own computation of names."""
+        """Controls and pictures without an accessible name, by the browser's own computation of names: role and node of each."""
         roles = {"button", "link", "combobox", "slider", "textbox", "checkbox", "radio", "image", "img", "group", "table", "figure"}
         found = []
         for node in self.devtools("Accessibility.getFullAXTree")["nodes"]:
