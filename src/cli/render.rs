@@ -154,9 +154,9 @@ struct Accumulated {
     /// Number of samples per point.
     samples: u64,
     batches: u32,
-    /// Root mean square of the pixels' standard errors; `None` after one batch.
+    /// Root mean square of the finite standard errors of pixels; `None` after one batch, or if none is finite.
     error: Option<f64>,
-    /// Largest of the pixels' standard errors; `None` after one batch.
+    /// Largest of the finite standard errors of pixels; `None` after one batch.
     largest: Option<f64>,
 }
 
@@ -167,15 +167,24 @@ fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) ->
         failure::print_warning("no pass takes samples: --accumulate renders the picture once");
     }
     if let Goal::Error(wanted) = goal
-        && accumulation.error() > wanted
+        && !accumulation.passes().is_empty()
     {
         let (error, samples) = (accumulation.error(), accumulation.samples());
-        failure::print_warning(&format!("a standard error of {error:.6} is left after {samples} samples, the most"));
+        if error.is_nan() {
+            failure::print_warning(
+                "no pixel has a finite standard error, so the error that was asked for says nothing",
+            );
+        } else if error > wanted {
+            failure::print_warning(&format!(
+                "a standard error of {error:.6} is left after {samples} samples, the most"
+            ));
+        }
     }
     let told = |pass: &AccumulatedPass| {
         let errors = pass.standard_error();
-        let largest = errors.pixels.iter().flat_map(|pixel| &pixel[..3]).fold(0.0_f32, |a, b| a.max(*b));
-        let known = |value: f64| (pass.estimate().batches() > 1).then_some(value);
+        let finite = errors.pixels.iter().flat_map(|pixel| &pixel[..3]).filter(|error| error.is_finite());
+        let largest = finite.fold(0.0_f32, |a, b| a.max(*b));
+        let known = |value: f64| (pass.estimate().batches() > 1 && value.is_finite()).then_some(value);
         Accumulated {
             pass: pass.name.clone(),
             samples: pass.estimate().samples(),

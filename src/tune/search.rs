@@ -6,7 +6,7 @@ use super::{Machine, Run, Variant};
 /// Number of combinations of several passes that are measured: those with the best estimates.
 const COMBINATIONS: usize = 6;
 /// Number of combinations above which only the promising ones are estimated further.
-const MOST_ESTIMATED: usize = 2_000;
+const MANY: usize = 2_000;
 /// Number of best variants that are measured again: the chosen one and the two next best.
 const FINALISTS: usize = 3;
 /// Number of further runs of each finalist in a round.
@@ -117,7 +117,7 @@ impl Search<'_> {
                 })
             });
             sums = added.collect();
-            if sums.len() > MOST_ESTIMATED {
+            if sums.len() > MANY {
                 sums = promising(sums);
             }
         }
@@ -144,7 +144,8 @@ struct Sum {
 }
 
 /// Leaves out each sum that [`COMBINATIONS`] others equal or beat in time and in error. They still do with the same candidates in the
-/// other slots, so no such sum leads to one of the best combinations.
+/// other slots, so such a sum leads only to combinations that as many others equal or beat. Some of these others may change one pass alone,
+/// and have been measured already.
 fn promising(mut sums: Vec<Sum>) -> Vec<Sum> {
     sums.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.square.total_cmp(&b.square)));
     // The least squared errors of the sums so far, in ascending order.

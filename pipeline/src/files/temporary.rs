@@ -157,7 +157,8 @@ impl TemporaryFolder {
     /// the two exists at `to` at every moment. Elsewhere the old folder is renamed first, and put back if the second step fails.
     ///
     /// # Errors
-    /// Whatever the file system reports. The old folder is then still at `to`, unless the new one had already taken its place.
+    /// Whatever the file system reports. The old folder is then still at `to`, unless the new one had already taken its place, or the old
+    /// one could not be put back: it then has the extension `old`.
     pub fn rename(mut self, to: &Path) -> io::Result<()> {
         let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let to = match to.file_name() {

@@ -136,7 +136,10 @@ fn inside_out(triangles: &[u32], corners: &[[u32; 3]], points: &[Vec3], of: &[u3
     }
     let low = found.iter().fold(Vec3::INFINITY, |low, part| low.min(part.low));
     let high = found.iter().fold(Vec3::NEG_INFINITY, |high, part| high.max(part.high));
-    let axis = (high - low).max_position();
+    // The axis on which the parts are shortest in comparison with the whole: there the fewest overlap.
+    let lengths: Vec3 = found.iter().map(|part| part.high - part.low).sum();
+    let shares = Vec3::select((high - low).cmpgt(Vec3::ZERO), lengths / (high - low), Vec3::INFINITY);
+    let axis = shares.min_position();
     found.sort_unstable_by(|a, b| a.low[axis].total_cmp(&b.low[axis]));
     let inwards: Vec<Part> = found.iter().filter(|part| part.volume < 0.0).copied().collect();
     let within = are_within(&inwards, &found, axis);

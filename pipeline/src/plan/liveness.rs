@@ -9,7 +9,7 @@ use crate::camera_programs::BLUE;
 use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
-use crate::programs::{Fidelity, RayParams, TextureLod, Traces};
+use crate::programs::{Fidelity, RayParams, RayProgram, TextureLod, Traces};
 use crate::project::{ChannelRef, ComputePass, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, Viewport};
 use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
@@ -121,7 +121,7 @@ impl Plan {
                         unreachable!("every ray pass has its parameters")
                     };
                     let params = self.of_fidelity(pass, ray, params);
-                    self.explain_camera_start(pass, ray, camera)?;
+                    self.explain_camera_start(pass, (ray, &params), camera)?;
                     self.hold_buffers(pass);
                     let work = self.ray_work(&passes, index, params, camera, &mut wanted);
                     self.check_same_scenes(&passes[..index], pass, ray, &work)?;
@@ -224,7 +224,12 @@ impl Plan {
 
     /// Adds the decision which program runs for a pass whose rays start at the camera. Fails for an orthographic camera, which no program
     /// with rays from the camera supports.
-    fn explain_camera_start(&mut self, pass: &Pass, ray: &RayPass, camera: Option<usize>) -> Result<(), PlanError> {
+    fn explain_camera_start(
+        &mut self,
+        pass: &Pass,
+        (ray, params): (&RayPass, &RayParams),
+        camera: Option<usize>,
+    ) -> Result<(), PlanError> {
         let Some(start) = &ray.from_camera else { return Ok(()) };
         let camera = &self.project.cameras[camera.unwrap_or(ray.camera)];
         if camera.orthographic.is_some() {
@@ -239,6 +244,13 @@ impl Plan {
         if !start.why.is_empty() {
             let what = format!("ray program `{}` for pass `{}`", ray.program.info().stem, pass.name);
             self.decide(what, true, start.why.clone());
+        }
+        let [width, depth] = [params.camera.light_width, params.camera.light_depth];
+        if start.lamp && ray.program == RayProgram::PathTracing && (width == 0.0) != (depth == 0.0) {
+            let why = format!(
+                "lightwidth={width} with lightdepth={depth} is a line, which has no area and sends out no light"
+            );
+            self.decide(format!("light of pass `{}`", pass.name), false, why);
         }
         Ok(())
     }

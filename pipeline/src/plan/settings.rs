@@ -8,7 +8,7 @@ use crate::image::MAX_SIDE;
 use crate::image::PixelFormat;
 use crate::kept_scenes::KeptScenes;
 use crate::pixel_samples::PixelSamples;
-use crate::programs::{Fidelity, Fresnel, LEAST_ADAPTIVE_PATHS, ParamInfo, RayParams, RayProgram, Sampler, Values};
+use crate::programs::{Fidelity, Fresnel, LEAST_ADAPTIVE_PATHS, ParamInfo, RayParams, Sampler, Values};
 use crate::project::{self, ChannelRef, Pass, PassKind, Project, SceneOptions, SourceError};
 use crate::raster_effects::EffectParams;
 use std::path::Path;
@@ -296,14 +296,6 @@ pub(super) fn constants(
             return Err(PlanError::new(
                 format!("{}: pass `{}` sets error={error} with paths={}", pass.place, pass.name, params.paths),
                 format!("valid: paths={LEAST_ADAPTIVE_PATHS} or more; 4096 leaves the error room"),
-            ));
-        }
-        let sides = [params.camera.light_width, params.camera.light_depth];
-        if ray.program == RayProgram::PathTracing && sides.contains(&0.0) && sides != [0.0; 2] {
-            let [width, depth] = sides;
-            return Err(PlanError::new(
-                format!("{}: pass `{}` sets lightwidth={width} with lightdepth={depth}", pass.place, pass.name),
-                "a rectangle without area sends out no light. Valid: both above 0, or both 0 for a point",
             ));
         }
         let strata = params.sampler == Sampler::Strata || settings.fidelity == Fidelity::Thesis;

@@ -281,17 +281,18 @@ fn a_pass_without_a_camera_is_a_pattern_by_what_it_is_handed() {
 }
 
 #[test]
-fn a_light_that_is_a_line_sends_out_nothing_and_is_refused() {
-    let of = |sides: &str| {
+fn a_light_that_is_a_line_sends_out_nothing_and_the_plan_says_so() {
+    let says_so = |light: &str, sides: &str| {
         let attributes = format!("program=\"{}\" {sides}", RayProgram::PathTracing.info().stem);
         let pass = with(NAMED, "program=\"whitted\" samples=\"4\" gloss=\"64\"", &attributes);
-        Plan::new(good(&project(&[with(&pass, "\"Sun\"", "\"Lamp\"").as_str(), SHOW].concat())), Settings::default())
+        let pass = with(&pass, "\"Sun\"", light);
+        let plan = Plan::new(good(&project(&[pass.as_str(), SHOW].concat())), Settings::default()).expect("a plan");
+        plan.decisions.iter().any(|decision| decision.what == "light of pass `rays`" && decision.why.contains("a line"))
     };
-    for sides in ["", "lightwidth=\"2\" lightdepth=\"0.5\""] {
-        assert!(of(sides).is_ok(), "{sides}");
-    }
     for sides in ["lightwidth=\"2\"", "lightdepth=\"0.5\""] {
-        let error = of(sides).expect_err("no area").to_string();
-        assert!(error.contains("pass `rays` sets lightwidth=") && error.contains("both above 0"), "{error}");
+        assert!(says_so("\"Lamp\"", sides) && !says_so("\"Sun\"", sides), "{sides}");
+    }
+    for sides in ["", "lightwidth=\"2\" lightdepth=\"0.5\""] {
+        assert!(!says_so("\"Lamp\"", sides), "{sides}");
     }
 }

@@ -305,17 +305,20 @@ fn a_warning_says_for_each_broken_texture_what_serves_in_its_place() {
         broken("normal.png").data(),
         broken("roughness.png").data(),
         broken("alpha.png").clear(u16::MAX),
+        broken("glow.png"),
     ];
-    let [color, normal, roughness, clear] = [0, 1, 2, 3].map(Some);
+    let [color, normal, roughness, clear, glow] = [0, 1, 2, 3, 4].map(Some);
     let material = &mut scene.materials[0];
     (material.texture, material.normal_texture) = (color, normal);
     (material.roughness_texture, material.transmission_texture) = (roughness, clear);
+    material.emission_texture = glow;
     let (_, warnings) = build(scene, &BuildOptions::default());
     for (name, serves) in [
         ("color.png", "the diffuse colour serves"),
         ("normal.png", "the normals of the vertices serve"),
         ("roughness.png", "the factor alone serves"),
         ("alpha.png", "their materials are opaque"),
+        ("glow.png", "the surfaces do not emit"),
     ] {
         let mut of_it = warnings.groups().iter().filter(|group| group.places.iter().any(|place| place.contains(name)));
         let group = of_it.next().expect("a warning");

@@ -198,8 +198,12 @@ impl Session {
 
     /// What may be reduced while the camera moves.
     fn lets(&self) -> Lets {
-        // A crop is given in pixels of the full size, so a cropped picture keeps its size.
-        let size = self.renderer.as_ref().is_some_and(|renderer| renderer.settings().crop.is_none());
+        // A crop is given in pixels of the full size, so a cropped picture keeps its size. So does one that is made of textures of random numbers.
+        let scales = |renderer: &Renderer| {
+            let is_random = renderer.project().targets.iter().any(|target| target.contents.is_some());
+            renderer.settings().crop.is_none() && !is_random
+        };
+        let size = self.renderer.as_ref().is_some_and(scales);
         let samples = self
             .renderer
             .as_ref()

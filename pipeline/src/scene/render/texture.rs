@@ -76,7 +76,12 @@ pub(super) fn decode_used(
 
     let mut textures = Vec::new();
     let mut new_index = vec![None; sources.len()];
-    let normal_maps: HashSet<u32> = materials.iter().filter_map(|material| material.normal_texture).collect();
+    let of = |map: fn(&Material) -> Option<u32>| -> HashSet<u32> { materials.iter().filter_map(map).collect() };
+    let [colors, normal_maps, glows] = [
+        of(|material| material.texture),
+        of(|material| material.normal_texture),
+        of(|material| material.emission_texture),
+    ];
     for (((index, source), decoded), new_index) in (0_u32..).zip(sources).zip(decoded).zip(&mut new_index) {
         match decoded {
             Some(Ok(texture)) => {
@@ -87,7 +92,9 @@ pub(super) fn decode_used(
                 return Err(SceneError::file(file, format!("the texels of {}: {refused}", source.name())));
             }
             Some(Err(Fault::Broken(why))) => {
-                let remedy = if !source.is_data() {
+                let remedy = if glows.contains(&index) && !colors.contains(&index) {
+                    "the surfaces do not emit"
+                } else if !source.is_data() {
                     "the diffuse colour serves"
                 } else if source.is_clear() {
                     "their materials are opaque"
