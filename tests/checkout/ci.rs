@@ -328,10 +328,15 @@ fn programs_with_nvidia_tests() -> BTreeSet<String> {
             }
             let below = path.strip_prefix(&folder).expect("below it");
             let program = below.iter().next().and_then(|first| Path::new(first).file_stem()?.to_str()).expect("a name");
-            if matches!(program, "frames" | "shaders") {
-                for test in text.split("#[test]\nfn ").skip(1).filter(|test| test.contains("nvidia::there")) {
+            let rule = match program {
+                "frames" | "shaders" => Some(("nvidia::there", "nvidia_gpus")),
+                "faults" => Some(("there(", "goes_on_with_the_cpu")),
+                _ => None,
+            };
+            if let Some((asks, word)) = rule {
+                for test in text.split("#[test]\nfn ").skip(1).filter(|test| test.contains(asks)) {
                     let name = test.split('(').next().unwrap_or_default();
-                    assert!(name.contains("nvidia_gpus"), "{}: rename `{name}`: …_nvidia_gpus_…", path.display());
+                    assert!(name.contains(word), "{}: rename `{name}`: …_{word}_…", path.display());
                 }
             }
             found.insert(program.to_owned());

@@ -125,7 +125,8 @@ impl<'a, T: Tracer> Recorder<'a, T> {
             if !self.geometry.sky.contains(hit.triangle) {
                 return Some(hit);
             }
-            left.t_min = hit.t;
+            // A tracer in `f64` would find a hit again whose distance was rounded down.
+            left.t_min = if hit.t > left.t_min { hit.t } else { hit.t.next_up() };
         }
     }
 
@@ -195,7 +196,7 @@ impl<T: Tracer> Tracer for Recorder<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::{Bvh, Quality};
+    use crate::trace::{BruteForce, Bvh, Quality};
     use curitiba_pipeline::scene::{Batch, TriangleRanges};
 
     #[test]
@@ -221,5 +222,16 @@ mod tests {
         let outcomes: Vec<_> = recorder.events().into_iter().map(outcome).collect();
         let [Outcome::Blocked(hit), Outcome::Open] = outcomes[..] else { panic!("{outcomes:?}") };
         assert_eq!((hit.triangle, hit.t), (2, 3.0));
+        // A tracer in `f64`, whose distances to the sky are rounded up or down.
+        let brute_force = BruteForce::new(&geometry, &[]);
+        let recorder = Recorder::new(&brute_force, &geometry, None);
+        let mut rounded_down = 0;
+        for factor in 1..=40_u8 {
+            let ray = Ray { direction: Vec3::Z * f32::from(factor), ..ray };
+            rounded_down += u32::from(f64::from(1.0 / f32::from(factor)) < 1.0 / f64::from(factor));
+            assert!(recorder.occluded(&ray, |_| true), "{factor}");
+            assert!(!recorder.occluded(&Ray { t_max: 2.5 / f32::from(factor), ..ray }, |_| true), "{factor}");
+        }
+        assert!(rounded_down > 5, "{rounded_down}");
     }
 }

@@ -16,7 +16,7 @@ const WANTED: Duration = Duration::from_millis(20);
 const WANTED_OF_SOFTWARE: Duration = Duration::from_millis(500);
 /// Tiles of the first launch, when the speed of the program on the device is unknown.
 const FIRST_TILES: u32 = 64;
-/// Greatest number of rays from a point to the discs of lights for which the first launch has [`FIRST_TILES`] tiles.
+/// Greatest number of rays of a point for which the first launch has [`FIRST_TILES`] tiles.
 const FEW_RAYS: u32 = 64;
 /// Number of photons that are looked up in the time of a ray, roughly.
 const PHOTONS_A_RAY: u64 = 32;
@@ -117,7 +117,7 @@ pub(super) fn wanted(gpu: &Gpu) -> Duration {
     if gpu.adapter.kind == AdapterKind::Software { WANTED_OF_SOFTWARE } else { WANTED }
 }
 
-/// Number of tiles of the first launch, where each point takes as long as this number of rays to the discs of lights.
+/// Number of tiles of the first launch, where each point takes as long as this number of rays.
 pub(super) fn first_tiles(rays: u32) -> u32 {
     (FIRST_TILES * FEW_RAYS / rays.max(FEW_RAYS)).max(1)
 }
@@ -214,6 +214,6 @@ mod tests {
         assert_eq!(next_size(64, ms(250), WANTED_OF_SOFTWARE), 128);
         assert_eq!(next_size(1, ms(900), WANTED), 1, "there is no shorter launch");
         assert_eq!(next_size(64, Duration::ZERO, WANTED), 64 * GROWTH);
-        assert_eq!([0, 16, 64, 128, 65_536].map(first_tiles), [64, 64, 64, 32, 1], "many rays to discs, few tiles");
+        assert_eq!([0, 16, 64, 128, 65_536].map(first_tiles), [64, 64, 64, 32, 1], "many rays, few tiles");
     }
 }

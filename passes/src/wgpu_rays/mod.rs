@@ -234,7 +234,7 @@ impl WgpuRays {
         let tables = Tables::of(job, sampling, focused, has_levels).map_err(|why| check::missing(NAME, job, &why))?;
         self.check_tables(job, &tables)?;
         let kind = Kind { sampled: sampling.is_sampled(), ..Kind::of(job, !focused.is_empty()) };
-        let steps = rays_a_point(job, kind.sampled).saturating_add(launches::rays_of_photons(&focused.photons));
+        let steps = rays_a_point(job, kind).saturating_add(launches::rays_of_photons(&focused.photons));
         let photons = found.photons.counts;
         // The tables hold the photons now.
         drop(found);
@@ -446,14 +446,15 @@ impl WgpuRays {
     }
 }
 
-/// Greatest number of rays that a point or a pixel may need, roughly: to the discs of lights, for occlusion, and on paths through glass; `sampled` if
-/// each path in glass takes one way. The size of the first launch depends on it.
-fn rays_a_point(job: &RayJob<'_>, sampled: bool) -> u32 {
+/// Greatest number of rays that a point or a pixel may need, roughly: to the discs of lights, for occlusion, and on paths through glass. The size of
+/// the first launch depends on it.
+fn rays_a_point(job: &RayJob<'_>, kind: Kind) -> u32 {
     let params = &job.params;
     let occlusion = job.program.info().samples(params);
     let glass = match job.dielectrics {
         [] => 0,
-        _ if sampled => params.depth,
+        _ if !kind.variant.knows_bodies() => 0,
+        _ if kind.sampled => params.depth,
         // Down to the depth, each surface divides a path in two.
         _ => (1_u32 << params.depth.min(16)).saturating_mul(ways_of_path(job)),
     };

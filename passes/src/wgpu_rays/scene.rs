@@ -225,7 +225,7 @@ impl SceneBuffers {
     }
 
     /// Copies all mip levels of the scene's textures to the device, in place of level 0 alone, unless they are there. After an error the
-    /// buffers cannot be used.
+    /// buffers can be used only if [they are whole](Self::is_whole).
     pub fn require_levels(&mut self, gpu: &Gpu, scene: &RenderScene) -> Result<(), BackendError> {
         if self.has_levels {
             return Ok(());

@@ -55,7 +55,9 @@ fn a_function_of_ones_own_may_share_its_work_out() {
         [sum as f32, 0.0, 0.0, 1.0]
     };
     let alone = |at: At<'_>| [(0..64_u32).map(|number| number ^ at.pixel.x).sum::<u32>() as f32, 0.0, 0.0, 1.0];
-    let (shared, _) = rendered("SceneFinal", OwnProgram::new(RayProgram::Final, shared));
+    // A thread that waits for its own share is given other tiles meanwhile, where there are several threads.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().expect("threads");
+    let (shared, _) = pool.install(|| rendered("SceneFinal", OwnProgram::new(RayProgram::Final, shared)));
     let (alone, _) = rendered("SceneFinal", OwnProgram::new(RayProgram::Final, alone));
     assert_eq!(bits(&shared), bits(&alone));
 }

@@ -445,7 +445,7 @@ impl TargetCache {
     /// The attachments for a pass, reused or new.
     pub fn require(&mut self, gpu: &Gpu, viewport: Rect, stored: Stored) -> Result<&Targets, BackendError> {
         let key = (viewport.width, viewport.height, stored);
-        // The bind groups of a set belong to the set, so there is nothing else to release.
+        // The bind groups of a set belong to the set. The set that was lent last stays in memory until another is lent.
         self.0.require(gpu, key, || {}, |(width, height, stored)| Targets::new(gpu, *width, *height, *stored))
     }
 
