@@ -125,7 +125,7 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn std::error::Error>> {
         }
     }
     let found = std::mem::take(&mut *found.lock().expect("no panic while it is held"));
-    let ran = !devices.is_empty();
+    let ran = !found.records.is_empty();
     let within = found.records.iter().all(|record| record.within_limits);
     let report = Report {
         unix_s: SystemTime::now().duration_since(UNIX_EPOCH)?.as_secs(),

@@ -2,9 +2,9 @@
 
 use crate::cpu;
 use crate::trace::{
-    Bvh, Event, Hit, Outcome, Quality, RecordedRay, Recorder, SphereTree, SurfacePoint, Tracer, WithSpheres,
+    Bvh, Event, Hit, Outcome, Purpose, Quality, RecordedRay, Recorder, SphereTree, SurfacePoint, Tracer, WithSpheres,
 };
-use curitiba_pipeline::backend::{Arriving, BackendError, NO_TRIANGLE, RayJob};
+use curitiba_pipeline::backend::{Arriving, BackendError, NO_TRIANGLE, RayJob, Shade};
 use curitiba_pipeline::programs::RayProgram;
 use glam::{Vec3, Vec4};
 use std::fmt;
@@ -31,8 +31,9 @@ pub struct PixelRays<'a> {
 /// # Panics
 /// If the pixel is outside the job's images.
 pub fn pixel<'a>(job: &RayJob<'a>, x: u32, y: u32) -> Result<PixelRays<'a>, BackendError> {
-    let transparent: Vec<bool> =
-        job.shades.iter().zip(job.shadow_glass).map(|(shade, glass)| shade.alpha_cutoff.is_some() || *glass).collect();
+    let is_transparent =
+        |(index, shade): (usize, &Shade)| shade.alpha_cutoff.is_some() || job.shadow_glass.get(index) == Some(&true);
+    let transparent: Vec<bool> = job.shades.iter().enumerate().map(is_transparent).collect();
     let triangles = Bvh::build(&job.scene.geometry, &transparent, Quality::default());
     if job.scene.geometry.spheres.is_empty() {
         return pixel_on(&triangles, job, x, y);
@@ -58,7 +59,14 @@ pub fn pixel_on<'a>(tracer: &impl Tracer, job: &RayJob<'a>, x: u32, y: u32) -> R
     } else {
         cpu::trace_pixel(&recorder, job, x, y)?
     };
-    Ok(PixelRays { job: *job, pixel: [x, y], value, events: recorder.events() })
+    let mut events = recorder.events();
+    // Before its pixels, a pass looks for the bodies that the camera and spheres are in, by rays that nobody announces. They ask for the
+    // closest hit, which no shadow ray does.
+    events.retain(|event| {
+        let Event::Ray(RecordedRay { purpose, outcome, .. }) = event else { return true };
+        *purpose != Purpose::Shadow || !matches!(outcome, Outcome::Hit(_) | Outcome::Miss)
+    });
+    Ok(PixelRays { job: *job, pixel: [x, y], value, events })
 }
 
 impl PixelRays<'_> {

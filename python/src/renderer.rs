@@ -333,8 +333,12 @@ impl Renderer {
             }
             renderer.refresh(&mut watch).map_err(|error| error.to_string())?;
             let channel = renderer.plan().channel_named(&name).map_err(|error| error.to_string())?;
-            let [width, height] = renderer.plan().target_size(Some(channel.target));
-            Ok(Image { width, height, pixels: renderer.channel(channel).to_vec() })
+            if !renderer.holds(channel) {
+                return Err(format!(
+                    "`{name}` cannot be read: no pass that runs writes it, or the picture is rendered in bands"
+                ));
+            }
+            Ok(renderer.channel_image(channel))
         })?;
         arrays::picture(py, read.map_err(failed)?)
     }

@@ -216,8 +216,11 @@ def test_a_crop_and_bands_are_the_same_pixels():
     whole = opened("SceneShadows").render()
     cropped = opened("SceneShadows", crop=(17, 9, 40, 30))
     assert (cropped.render() == whole[9:39, 17:57]).all() and cropped.size == (112, 80)
+    assert (cropped.target("pos") == opened("SceneShadows").target("pos")[9:39, 17:57]).all()
     banded = opened("SceneShadows", bands=3)
     assert (banded.render() == whole).all()
+    with pytest.raises(curitiba.CuritibaError, match="rendered in bands"):
+        banded.target("pos")
     for wrong, message in (
         ({"crop": (100, 0, 40, 30)}, "100,0,40x30 does not lie in the window of 112 x 80 pixels"),
         ({"crop": (0, 0, 0, 30)}, "at least one pixel"),

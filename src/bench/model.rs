@@ -219,8 +219,8 @@ impl BenchRow {
                 if let Some(more) = more.iter().find(|more| more.kind == step.kind && more.name == step.name) {
                     step.host = step.host.joined(&more.host);
                     step.device = both(&step.device, &more.device);
-                    step.mrays_per_second =
-                        step.rays.map(|rays| rays.total() as f64 / 1e3 / step.host.median.max(1e-6));
+                    let rays = step.rays.map(RayCounts::total).filter(|rays| *rays > 0);
+                    step.mrays_per_second = rays.map(|rays| rays as f64 / 1e3 / step.host.median.max(1e-6));
                 }
             }
         }

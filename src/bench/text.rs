@@ -63,7 +63,8 @@ const CSV_HEADER: [&str; 47] = [
 #[must_use]
 pub fn is_ours(text: &[u8]) -> bool {
     let columns: Vec<&[u8]> = text.split(|byte| *byte == b',').take(3).collect();
-    text.starts_with(MARKDOWN_TITLE.as_bytes()) || columns == CSV_HEADER.map(str::as_bytes)[..3]
+    let page = format!("{MARKDOWN_TITLE}\n\n`");
+    text.starts_with(page.as_bytes()) || columns == CSV_HEADER.map(str::as_bytes)[..3]
 }
 
 /// Number of rays of one frame; `None` if the row has no ray pass.
@@ -380,6 +381,11 @@ pub fn markdown(file: &BenchFile) -> String {
     text
 }
 
+/// A name in a cell of a table, which a bar or a line break would end.
+pub(super) fn in_cell(name: &str) -> String {
+    name.replace('|', "\\|").replace(['\n', '\r'], " ")
+}
+
 fn cells(row: &BenchRow) -> Vec<String> {
     let engines =
         row.rays.as_ref().map_or(row.raster.name.clone(), |rays| format!("{} + {}", row.raster.name, rays.name));
@@ -388,8 +394,8 @@ fn cells(row: &BenchRow) -> Vec<String> {
         RowError::Missing(_) => ("-".to_owned(), "-".to_owned()),
     };
     vec![
-        row.label.clone(),
-        row.view.clone(),
+        in_cell(&row.label),
+        in_cell(&row.view),
         engines,
         median_and_interval(&row.frame),
         format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
@@ -418,10 +424,10 @@ fn steps(text: &mut String, rows: &[BenchRow]) {
             let _ = writeln!(
                 text,
                 "| {} | {} | {} | {} | {:.2} | {} | {} | {} |",
-                row.label,
-                row.view,
+                in_cell(&row.label),
+                in_cell(&row.view),
                 step.kind.name(),
-                step.name,
+                in_cell(&step.name),
                 step.host.median,
                 step.device.as_ref().map_or("-".to_owned(), |device| format!("{:.2}", device.median)),
                 step.rays.map_or("-".to_owned(), |rays| rays.total().to_string()),
@@ -448,6 +454,14 @@ pub(crate) fn spent(row: &BenchRow) -> impl Iterator<Item = String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pages_of_others_are_told_from_ours_and_names_keep_to_their_cells() {
+        let file = BenchFile::begin("a".to_owned(), crate::environment::Environment::here(), 1, 0);
+        assert!(is_ours(markdown(&file).as_bytes()) && is_ours(csv(&file).as_bytes()));
+        assert!(!is_ours(b"# Benchmarks\n\nMine.\n") && !is_ours(b"# Benchmark\n\nMine.\n"));
+        assert_eq!(in_cell("a|b\nc"), "a\\|b c");
+    }
 
     #[test]
     fn times_have_fewer_decimals_as_they_grow_so_that_they_fit_their_column() {

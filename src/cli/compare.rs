@@ -45,7 +45,8 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
         }
     }
     let heat = args.heat.as_deref().map(|path| (path, "--heat"));
-    check_outputs(heat.into_iter().chain(args.strip.as_deref().map(|path| (path, "--strip"))))?;
+    let outputs = || heat.into_iter().chain(args.strip.as_deref().map(|path| (path, "--strip")));
+    check_outputs(outputs())?;
     let options = Options {
         outlier_threshold: args.outlier_threshold.unwrap_or(Options::default().outlier_threshold),
         pixels_per_degree: args.pixels_per_degree,
@@ -55,6 +56,8 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
     let sides = [(args.test.as_str(), &test), (args.reference.as_str(), &reference)];
     let compared = curitiba::compare::compare(sides, args.seeds, &options, &mut bars)?;
     drop(bars);
+    // Only now is it known which files the projects consist of.
+    check_outputs(outputs())?;
     for side in [&compared.test, &compared.reference] {
         print_warnings(side);
     }

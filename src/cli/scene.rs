@@ -30,6 +30,8 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     }
     let layout = output.map(layout_of).transpose()?;
     check_outputs(output.map(|path| (path, "scene")))?;
+    // No file that is read may be replaced.
+    files::record_files_read();
     if let Some(path) = &args.project {
         write_project(args, path)?;
     }
@@ -49,6 +51,7 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     }
     let scene = working(StepKind::Load, "scene files", || scene::load(&files, &options, &|_| {}))?;
     print_warnings(&scene.warnings);
+    check_outputs(output.map(|path| (path, "scene")))?;
     describe(&scene, args.json)?;
     if let (Some(path), Some(layout)) = (output, layout) {
         print_warnings(&working(StepKind::Write, "scene file", || scene::write_cbo(&scene, path, layout))?);

@@ -9,7 +9,7 @@ use curitiba::passes::visibility::{
     AllPairs, Class, DeviceEstimator, Effort, Estimator, NearPairs, Options, PairSource, RowFinder, RowPairs, Surfaces,
 };
 use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
-use curitiba::pipeline::files::{OutputError, Resumable, check_outputs};
+use curitiba::pipeline::files::{OutputError, Resumable, check_outputs, record_files_read};
 use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::project;
 use curitiba::visibility::{self, Format, ListedPairs, Loaded, StreamError, Summary, Target};
@@ -30,6 +30,8 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     let format = Format::of(&args.output).map_err(Failure::Usage)?;
     check_outputs([(&*args.output, "rows")])?;
     Resumable::at(&args.output).map_err(|error| OutputError::Io { path: args.output.clone(), error })?;
+    // No file that is read may be replaced.
+    record_files_read();
     let mut bars = Bars::default();
     let loaded = load(args, &mut bars)?;
     print_warnings(&loaded.warnings);
@@ -48,6 +50,7 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     };
     warn(&surfaces);
     let (mut source, pairs) = source(args, &surfaces)?;
+    check_outputs([(&*args.output, "rows")])?;
     let target = Target {
         path: args.output.clone(),
         format,

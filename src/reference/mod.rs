@@ -450,7 +450,7 @@ impl References {
             Err(why) => self.warnings.push(why),
             Ok(()) => {
                 let before = self.held.get(base).map(|held| held.reference.samples);
-                if let Some(before) = before.filter(|before| *before != samples) {
+                if let Some(before) = before.filter(|before| *before < samples) {
                     folder.forget(&material(base, before));
                 }
                 blocks.forget();

@@ -100,6 +100,7 @@ impl Request {
         for (target, planned) in plan.project.targets.iter().zip(&plan.targets) {
             let formats: Vec<_> = target.channels.iter().map(|channel| channel.format).collect();
             lines.push(format!("{planned:?} {formats:?}"));
+            lines.extend(target.contents.map(|contents| format!("{contents:?}")));
         }
         for planned in &plan.passes {
             let pass = plan.pass(planned);

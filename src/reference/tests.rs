@@ -234,3 +234,15 @@ fn a_folder_that_cannot_be_written_costs_a_warning_and_no_row() {
     assert!(references.get(&case("SceneShadows.xml", &[]), &mut Silent).is_ok());
     assert!(!references.take_warnings().is_empty());
 }
+
+#[test]
+fn a_reference_with_fewer_samples_deletes_no_better_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut references = references(folder.path(), 0);
+    let case = case("SceneSSAO.xml", &[]);
+    references.get(&case, &mut Silent).expect("rendered");
+    let stored = || std::fs::read_dir(folder.path()).expect("the folder").count();
+    let before = stored();
+    references.make(&case, Of::Effect, 64, Shard::WHOLE, &mut Silent).expect("rendered");
+    assert!(before > 0 && stored() > before, "{before} files, and then {}", stored());
+}

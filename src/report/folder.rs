@@ -113,6 +113,9 @@ fn make(path: &Path) -> Result<(), FolderError> {
 /// Checks that `target` is free, empty, or holds nothing but an earlier report.
 fn check(target: &Path) -> Result<(), FolderError> {
     let occupied = |why: String| Err(FolderError::Occupied { path: target.to_owned(), why });
+    if target.file_name().is_none() {
+        return occupied("only a folder that is named can be replaced as a whole".to_owned());
+    }
     if !target.exists() {
         return Ok(());
     }
@@ -187,6 +190,10 @@ mod tests {
         let empty = place.path().join("empty");
         std::fs::create_dir(&empty).expect("a folder");
         Folder::begin(&empty).expect("an empty folder is free");
+        for nameless in ["", ".", ".."] {
+            let error = Folder::begin(Path::new(nameless)).expect_err("it has no name").to_string();
+            assert!(error.contains("is named"), "{error}");
+        }
         let missing = place.path().join("no/such/place");
         assert!(matches!(Folder::begin(&missing), Err(FolderError::Io { .. })));
     }

@@ -260,3 +260,20 @@ fn what_cannot_be_kept_is_refused_with_the_reason() {
     let missing = Scene::new("RGBA8", &draw("a", &["A"], true, "<DEPTH_CLEAR/>")).refused();
     assert!(missing.contains("lacks `value`"), "{missing}");
 }
+
+#[test]
+fn a_camera_with_another_viewport_leaves_nothing_of_the_first() {
+    let scene = Scene::new("RGBA32F", &pipeline(true, &[("a", &["A"], "")]));
+    let file = scene.0.path().join("p.xml");
+    let text = std::fs::read_to_string(&file).expect("read");
+    let other = r#"<camera name="R"><viewport name="Right"/><projection TYPE="PERSPECTIVE" FOV="50" NEAR="1" FAR="20"/>
+<POSITION x="0.4" y="0.3" z="4"/><VIEW x="0" y="0" z="-1"/><UP x="0" y="1" z="0"/></camera></cameras>"#;
+    std::fs::write(&file, text.replace("</cameras>", other)).expect("written");
+    let open = |settings| scene.open(RasterChoice::Cpu, settings).unwrap_or_else(|error| panic!("{}", error.joined()));
+    let fresh = Settings { camera: Some("R".to_owned()), ..Settings::default() };
+    let expected = open(fresh).frame(&mut Silent).expect("it renders");
+    let mut renderer = open(Settings::default());
+    renderer.frame(&mut Silent).expect("it renders");
+    renderer.set_camera(Some("R")).expect("a camera");
+    assert_eq!(renderer.update(&mut Silent).expect("it renders"), expected);
+}

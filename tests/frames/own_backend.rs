@@ -256,3 +256,17 @@ fn the_program_renders_passes_on_two_backends_and_check_asks_both() {
     let (code, text) = run(&["compare", "cpu.png", "mixed.png", "--max-rmse", "0.002"]);
     assert_eq!(code, Some(0), "{text}");
 }
+
+#[test]
+fn a_backend_whose_pass_is_switched_on_later_gets_its_structure() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let calls = Calls::default();
+    let Plan { declared, settings, .. } = plan(folder.path(), &["pass3.backend=wgpu"]).expect("planned");
+    let off = Settings { off: vec!["pass3".to_owned()], ..settings };
+    let plan = Plan::new(declared, off).expect("planned");
+    let mut renderer = Renderer::new(plan, fakes(&calls, false), &mut Silent).expect("ready");
+    renderer.frame(&mut Silent).expect("rendered");
+    renderer.set_enabled("pass3", true).expect("set");
+    renderer.frame(&mut Silent).expect("rendered");
+    assert!(calls.borrow().iter().any(|call| call == "wgpu build"), "{calls:?}");
+}

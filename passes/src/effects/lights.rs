@@ -141,7 +141,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     fn cosine_at(&self, asked: &Asked<'_>, towards: Vec3) -> f32 {
         let Shading { normal, hit } = asked.shading;
         let shade = &self.job.shades[self.material_of(asked.id) as usize];
-        if shade.normal_map.is_some() && self.sphere(asked.id).is_none() {
+        let has_normals = !self.job.scene.geometry.normals.is_empty();
+        if shade.normal_map.is_some() && has_normals && self.sphere(asked.id).is_none() {
             let located = || locate(&self.job.scene.geometry, asked.id, asked.point.position);
             return self.cosine_to(&hit.unwrap_or_else(located), normal, towards).min(1.0);
         }

@@ -3,8 +3,9 @@ use crate::effects::fresnel;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::trace::{Event, Outcome, Purpose, RecordedRay, SurfacePoint};
 use curitiba_pipeline::backend::{RayCounts, RayJob};
+use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
-use curitiba_pipeline::programs::{RayParams, RayProgram};
+use curitiba_pipeline::programs::{RayParams, RayProgram, Sampler};
 use glam::Vec3;
 
 const PROGRAMS: [RayProgram; 5] =
@@ -61,11 +62,8 @@ fn an_explained_pixel_has_the_value_and_the_rays_of_the_whole_pass() {
     let tree = world.tree();
     for program in PROGRAMS {
         for fidelity in [Corrected, Thesis] {
-            let job = shot.job(
-                program,
-                fidelity,
-                RayParams { samples: 9, sampler: curitiba_pipeline::programs::Sampler::Strata, ..RayParams::default() },
-            );
+            let job =
+                shot.job(program, fidelity, RayParams { samples: 9, sampler: Sampler::Strata, ..RayParams::default() });
             let (picture, total) = shot.run_on(&tree, &job);
             let mut sum = RayCounts::default();
             for y in 0..12 {
@@ -170,4 +168,24 @@ fn what_blocks_and_what_is_passed_is_named() {
     assert_eq!(world.scene.geometry.material_of(hit.triangle), 1);
     assert!((hit.t - 0.3 * Vec3::new(0.4, 0.1, 1.0).length()).abs() < 1e-4, "the nearer pane: {}", hit.t);
     assert!(explained.to_string().contains("blocked by"));
+}
+
+#[test]
+fn rays_that_find_the_bodies_around_the_camera_are_not_the_pixels() {
+    let mut world = yard(true);
+    let glass = Dielectric { shape: Shape::Solid, index: 1.5, filter: Vec3::ONE, ..Dielectric::default() };
+    let body = world.dielectric(glass);
+    // Above the camera, which no pixel shows.
+    world.quad(body, Vec3::Z * 4.5, Vec3::X * 9.0, Vec3::Y * 9.0);
+    let (shot, tree) = (shot(&world), world.tree());
+    for program in [RayProgram::Refraction, RayProgram::Final] {
+        let job =
+            shot.job(program, Corrected, RayParams { samples: 9, sampler: Sampler::Strata, ..RayParams::default() });
+        let (_, total) = shot.run_on(&tree, &job);
+        let mut sum = RayCounts::default();
+        for index in 0..144 {
+            sum += counts(&pixel_on(&tree, &job, index % 12, index / 12).expect("a complete job"), 9);
+        }
+        assert_eq!(sum, total, "{program:?}");
+    }
 }

@@ -388,6 +388,27 @@ fn a_closed_furnace_has_the_radiance_of_the_geometric_series() {
 }
 
 #[test]
+fn light_falls_undimmed_through_holes_of_panes() {
+    let mut world = floor(Vec3::splat(0.5));
+    world.sun = Some(Sun { direction: Vec3::new(0.6, -0.8, 0.0), color: Vec3::ONE });
+    let whitted = params(RayProgram::Whitted);
+    let bare = world.middle(RayProgram::Whitted, whitted);
+    for kind in [SurfaceKind::Glass, SurfaceKind::Clear] {
+        let mut covered = World { scene: world.scene.clone(), ..floor(Vec3::splat(0.5)) };
+        covered.sun = world.sun;
+        let pane = covered.material(Vec3::ONE, kind);
+        // Beside the camera's ray, in the way of the sun.
+        covered.quad(pane, Vec3::new(-0.75, 1.0, 0.0), Vec3::Z * 0.4, Vec3::X * 0.4);
+        assert!(off(covered.middle(RayProgram::Whitted, whitted), bare) > 1e-3, "control: a whole pane");
+        // All of the pane is cut out.
+        covered.scene.geometry.colors = vec![Vec4::new(1.0, 1.0, 1.0, 0.0); covered.scene.geometry.positions.len()];
+        let shade = &mut covered.shades[pane as usize];
+        (shade.vertex_colors, shade.alpha_cutoff) = (true, Some(0.5));
+        assert_eq!(covered.middle(RayProgram::Whitted, whitted), bare, "{kind:?}");
+    }
+}
+
+#[test]
 fn mirrors_show_what_they_mirror_and_glass_of_index_1_is_not_there() {
     let mut world = World::yard();
     world.beyond = Vec3::new(0.1, 0.2, 0.4);

@@ -339,8 +339,12 @@ impl Renderer {
             self.stand_in(&pass, error, observer)?;
         }
         let (targets, window) = self.new_buffers(&before.plan, keeps)?;
-        let built_otherwise =
-            |set: usize| self.scenes[set].structure && self.filtered_materials(set) != self.built_filtered;
+        let is_new = |pass: &String| !self.built_for.iter().any(|other| self.engines.is_shared(pass, other));
+        let built_otherwise = |set: usize| {
+            self.scenes[set].structure
+                && (self.filtered_materials(set) != self.built_filtered
+                    || self.engines.first_traced(&self.plan, Some(set)).iter().any(is_new))
+        };
         if self.built.is_some_and(built_otherwise) {
             self.built = None;
         }
@@ -364,7 +368,7 @@ impl Renderer {
             self.window = window;
             self.forget_writers(None);
         }
-        self.clear_what_nobody_writes();
+        self.clear_what_nobody_writes(&before.plan);
         self.join_again(&before.plan, others);
         Ok(())
     }
@@ -395,14 +399,21 @@ impl Renderer {
         }
     }
 
-    /// Clears the window, and each target that other passes still write, if a pass that wrote to it no longer runs.
-    fn clear_what_nobody_writes(&mut self) {
+    /// Clears the window, and each target that other passes still write, if a pass that wrote to it no longer runs, or draws into another part
+    /// of it than in the plan `before`.
+    fn clear_what_nobody_writes(&mut self, before: &Plan) {
         let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
-        let runs = |index: usize| self.plan.passes.iter().any(|planned| planned.pass == index);
+        let part = |plan: &Plan, index: usize| {
+            plan.passes.iter().find(|planned| planned.pass == index).map(|planned| plan.drawn_by(planned))
+        };
+        let gone = |index: usize| {
+            let (was, now) = (part(before, index), part(&self.plan, index));
+            now.is_none() && self.ran[index].is_some() || was.is_some() && was != now
+        };
         let shared = |target: Option<usize>| {
             target.is_none() || self.plan.passes.iter().any(|planned| self.plan.pass(planned).target == target)
         };
-        let gone = passes.iter().enumerate().filter(|(index, _)| self.ran[*index].is_some() && !runs(*index));
+        let gone = passes.iter().enumerate().filter(|(index, _)| gone(*index));
         let mut cleared: Vec<Option<usize>> = gone.map(|(_, pass)| pass.target).filter(|t| shared(*t)).collect();
         cleared.dedup();
         for target in cleared {

@@ -31,6 +31,8 @@ pub(super) struct Given {
     stays: bool,
     /// Samples a pixel and, if there are several, the channels that hold their mean.
     averaged: (PixelSamples, Vec<ChannelRef>),
+    /// Whether other passes have run while the plan left this one out: what it reads may have changed.
+    outlived: bool,
 }
 
 impl Given {
@@ -96,7 +98,15 @@ impl Renderer {
             drawn,
             stays: self.stays(index) && !matches!(planned.work, Work::Raster { .. }),
             averaged: (samples, kept),
+            outlived: false,
         }
+    }
+
+    /// Notes for the passes that the plan leaves out that others run.
+    pub(super) fn outlive_absent(&mut self) {
+        let planned: Vec<usize> = self.plan.passes.iter().map(|planned| planned.pass).collect();
+        let absent = self.ran.iter_mut().enumerate().filter(|(pass, _)| !planned.contains(pass));
+        absent.filter_map(|(_, ran)| ran.as_mut()).for_each(|ran| ran.outlived = true);
     }
 
     /// The passes that must run to bring the picture up to date, by index of the plan.

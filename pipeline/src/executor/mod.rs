@@ -180,6 +180,8 @@ pub struct Renderer {
     built: Option<usize>,
     /// By material: whether rays may pass through it in the structure that is built.
     built_filtered: Vec<bool>,
+    /// For each ray backend that holds the structure, a pass that traces with it.
+    built_for: Vec<String>,
     /// The target whose G-buffer the rasteriser and the ray backend share.
     joined: Option<usize>,
     /// Whether the G-buffer of [`Self::joined`] is the rasteriser's own attachments, lent to the ray backend, instead of shared memory.
@@ -244,6 +246,7 @@ impl Renderer {
             window: prepare::window(sizes.window)?,
             scene_notes: SceneNotes::default(),
             built_filtered: Vec::new(),
+            built_for: Vec::new(),
             ran: vec![None; plan.project.pipelines[plan.pipeline].passes.len()],
             passes_run: Vec::new(),
             next: None,
@@ -434,6 +437,7 @@ impl Renderer {
         }
         if run.contains(&true) {
             self.fill_textures();
+            self.outlive_absent();
         }
         let mut index = 0;
         while index < self.plan.passes.len() {
@@ -548,6 +552,15 @@ impl Renderer {
             true => Rect { x: 0, y: 0, width, height: buffer.height },
             false => viewport,
         };
+        // What an own shader discards shows no earlier frame or sample.
+        let starts_over = !self.plan.access(planned).reads.contains(&(target, 0));
+        if shader.is_some() && writes_color && starts_over {
+            let cleared = if target.is_none() { [0.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
+            let (left, right) = (viewport.x as usize, (viewport.x + viewport.width) as usize);
+            let rows = buffer.color.chunks_exact_mut((width as usize).max(1));
+            let seen = rows.skip(viewport.y as usize).take(viewport.height as usize);
+            seen.for_each(|row| row[left..right].fill(cleared));
+        }
         let filled = shader
             .map_or(Ok(()), |shader| self.fill_quad((&shader, planned.pass, writes_color), viewport, &mut buffer));
         let by_color = self.plan.combines_colors(source);
@@ -578,6 +591,9 @@ impl Renderer {
         match instead {
             Instead::Fill(value) => buffer.color.fill(value),
             Instead::Copy(read) => buffer.color.copy_from_slice(channel_of(&self.targets[read.target], read.channel)),
+        }
+        if let Some(linear) = self.plan.pass(planned).kind.linear() {
+            self.fill_linear(linear, buffer.width, &buffer.color);
         }
         *self.buffer(target) = buffer;
         self.round_to_formats(target);

@@ -337,13 +337,13 @@ impl Renderer {
                 passes.push(pass.to_owned());
             }
             let built = passes
-                .into_iter()
-                .try_for_each(|pass| self.build(set, &pass, &filtered, observer).map_err(|error| (pass, error)));
+                .iter()
+                .try_for_each(|pass| self.build(set, pass, &filtered, observer).map_err(|error| (pass.clone(), error)));
             self.check_cancelled()?;
             match built {
                 Ok(()) => {
                     self.built = Some(set);
-                    self.built_filtered = filtered;
+                    (self.built_filtered, self.built_for) = (filtered, passes);
                     return Ok(());
                 }
                 Err((pass, error)) => self.stand_in(&pass, error, observer)?,

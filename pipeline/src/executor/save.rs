@@ -147,6 +147,21 @@ impl Renderer {
         Ok(Image { width: written.width, height: written.height, pixels: cut })
     }
 
+    /// A copy of the part of a channel that [`Self::save`] writes.
+    ///
+    /// # Panics
+    /// If there is no memory for it.
+    #[must_use]
+    pub fn channel_image(&self, channel: ChannelRef) -> Image {
+        let buffer = &self.targets[channel.target];
+        let of_window = self.plan.in_parts() || [buffer.width, buffer.height] == self.plan.window;
+        let part = if of_window { self.plan.parts.list[self.part].written } else { buffer.held() };
+        let pixels = part.width as usize * part.height as usize;
+        let mut cut = memory::with_capacity(pixels).unwrap_or_else(|error| panic!("{error}"));
+        append(buffer.held(), self.channel(channel), part, &mut cut);
+        Image { width: part.width, height: part.height, pixels: cut }
+    }
+
     /// Gives a buffer that [`Self::lend`] took back to its target.
     fn take_back(&mut self, channel: Option<ChannelRef>, image: Image) {
         let (_, pixels) = self.pixels_mut(channel);

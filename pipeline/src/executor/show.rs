@@ -31,7 +31,7 @@ impl Renderer {
     }
 
     /// Whether [`Self::channel`] returns the channel of the last frame: a pass of that frame's plan wrote it, and it was copied
-    /// into host memory if a device drew it. Settings made since are not considered.
+    /// into host memory if a device drew it. A picture in bands leaves no whole channel. Settings made since are not considered.
     #[must_use]
     pub fn holds(&self, channel: ChannelRef) -> bool {
         let slot = (Some(channel.target), channel.channel);
@@ -49,8 +49,9 @@ impl Renderer {
             };
             [held.color, held.position, held.normal].get(channel.channel) == Some(&true)
         };
+        let is_whole = self.plan.parts.list.len() == 1;
         // Of several writers the last one decides.
-        writers.next_back().is_some_and(held) && !self.channel(channel).is_empty()
+        is_whole && writers.next_back().is_some_and(held) && !self.channel(channel).is_empty()
     }
 
     /// Shows the outputs of a pass to an observer.

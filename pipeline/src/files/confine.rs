@@ -7,8 +7,8 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// The folder of [`confine`]. Set once, before any file is read.
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
-/// The first file that was refused.
-static REFUSED: OnceLock<PathBuf> = OnceLock::new();
+/// The first file that was refused since [`refused`] was asked.
+static REFUSED: Mutex<Option<PathBuf>> = Mutex::new(None);
 /// Files that were read, while they are recorded.
 static FILES_READ: Mutex<Option<BTreeSet<PathBuf>>> = Mutex::new(None);
 
@@ -36,18 +36,22 @@ pub fn confined_to() -> Option<&'static Path> {
     FOLDER.get().map(PathBuf::as_path)
 }
 
-/// The first file that was refused because it lies outside the folder of [`confine`]. Loaders skip some unreadable files, such as
-/// textures; they call this afterwards, because a refused file must end the load.
+/// Takes the first file since the last call that was refused because it lies outside the folder of [`confine`]. Loaders skip some unreadable
+/// files, such as textures; they call this before and afterwards, because a refused file must end the load that names it, and no other.
 #[must_use]
-pub fn refused() -> Option<&'static Path> {
-    REFUSED.get().map(PathBuf::as_path)
+pub fn refused() -> Option<PathBuf> {
+    REFUSED.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
+
+/// Records a file that [`check`] kept from being read.
+pub(super) fn note_refused(real: &Path) {
+    REFUSED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| real.to_owned());
 }
 
 /// Fails if [`confine`] forbids to open a file. `real` is its path without symbolic links.
 pub(super) fn check(real: &Path) -> io::Result<()> {
     match confined_to() {
         Some(folder) if !real.starts_with(folder) => {
-            let _ = REFUSED.set(real.to_owned());
             Err(io::Error::new(io::ErrorKind::PermissionDenied, refusal(real, folder)))
         }
         _ => Ok(()),

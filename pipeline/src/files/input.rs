@@ -25,7 +25,7 @@ pub fn open(path: &Path) -> io::Result<Input> {
     faults.on_open()?;
     let real = if confine::asks_for_real_paths() {
         let real = path.canonicalize()?;
-        confine::check(&real)?;
+        confine::check(&real).inspect_err(|_| confine::note_refused(&real))?;
         confine::note(&real);
         Some(real)
     } else {

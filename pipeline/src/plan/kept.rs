@@ -101,7 +101,7 @@ impl Plan {
     }
 
     /// The part of its target that a pass writes.
-    fn drawn_by(&self, planned: &PlannedPass) -> Rect {
+    pub(crate) fn drawn_by(&self, planned: &PlannedPass) -> Rect {
         match planned.work {
             Work::Raster { viewport, .. } | Work::Quad { viewport } => viewport,
             _ => {

@@ -51,7 +51,7 @@ pub(crate) fn read_file(file: &Path, size: u64, budget: &mut Budget) -> Result<V
 /// without a texture that cannot be read, but fails if a texture was refused.
 pub(crate) fn no_file_refused() -> Result<(), SceneError> {
     crate::files::refused().map_or(Ok(()), |file| {
-        Err(SceneError::file(file, "this file is named by the scene and lies outside the folder of --confine")
+        Err(SceneError::file(&file, "this file is named by the scene and lies outside the folder of --confine")
             .help("copy it into that folder, or name a wider one"))
     })
 }

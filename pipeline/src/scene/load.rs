@@ -2,7 +2,7 @@
 
 use super::context::{Context, add_texture, no_file_refused, read_file};
 use super::error::{Budget, SceneError};
-use super::{LoadedFile, Material, Needs, Object, Scene};
+use super::{LoadedFile, Material, Mesh, Needs, Object, Scene};
 use crate::diagnostic::Warnings;
 use crate::paths::resolve_path;
 use glam::{DMat4, DVec3};
@@ -86,6 +86,8 @@ pub fn load(
     options: &LoadOptions,
     progress: &dyn Fn(LoadProgress<'_>),
 ) -> Result<Scene, SceneError> {
+    // What earlier loads were refused is no fault of this one.
+    drop(crate::files::refused());
     let mut scene = Scene::default();
     let mut budget = Budget::new(options.max_bytes);
     let mut found = Vec::with_capacity(files.len());
@@ -173,7 +175,9 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     }
     move_origin(&mut other, scene.origin);
     leave_out_unplaced(&mut other, file);
-    let is_empty = |object: &Object| other.meshes[object.mesh as usize].groups.iter().all(|g| g.triangles.is_empty());
+    let has_none = |mesh: &Mesh| mesh.groups.iter().all(|group| group.triangles.is_empty());
+    let empty: Vec<bool> = other.meshes.iter().map(has_none).collect();
+    let is_empty = |object: &Object| empty[object.mesh as usize];
     if other.objects.iter().all(is_empty) {
         other.warnings.add(file, "scenes without triangles", "nothing of them is drawn", || file.display().to_string());
     }

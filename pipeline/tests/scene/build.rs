@@ -410,3 +410,21 @@ fn far_scenes_are_placed_before_they_are_rounded() {
         }
     }
 }
+
+#[test]
+fn many_faces_around_a_vertex_that_creases_part_take_linear_time() {
+    let mut mesh = triangle(0);
+    mesh.groups[0].triangles = [[0, 1, 2], [0, 2, 1]].repeat(50_000);
+    let (built, _) = build(scene(vec![mesh], vec![object(0, Mat4::IDENTITY)], 1), &BuildOptions::default());
+    assert_eq!(built.geometry.positions.len(), 300_000);
+}
+
+#[test]
+fn placed_groups_without_triangles_count_against_the_memory() {
+    let mut mesh = triangle(0);
+    mesh.groups.resize(1000, Group { material: 0, triangles: Vec::new() });
+    let scene = scene(vec![mesh], vec![object(0, Mat4::IDENTITY); 1000], 1);
+    let options = BuildOptions { max_bytes: 16 << 20, ..BuildOptions::default() };
+    let error = RenderScene::build(scene, &options).unwrap_err().to_string();
+    assert!(error.contains("placed groups"), "{error}");
+}

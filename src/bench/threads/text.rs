@@ -1,6 +1,7 @@
 //! Thread sweeps as Markdown.
 
 use super::file::{ThreadsCase, ThreadsFile, ThreadsPoint, speed_up};
+use crate::bench::text::in_cell;
 use std::fmt::Write as _;
 
 /// Words of the first line of [`markdown`].
@@ -60,7 +61,7 @@ pub fn markdown(file: &ThreadsFile) -> String {
         let _ = writeln!(page, "\n|---|{}", "---|".repeat(case.frame.len()));
         for (name, points) in lines(case) {
             let cells: Vec<String> = points.iter().map(|point| cell(points, point)).collect();
-            let _ = writeln!(page, "| {name} | {} |", cells.join(" | "));
+            let _ = writeln!(page, "| {} | {} |", in_cell(&name), cells.join(" | "));
         }
     }
     page

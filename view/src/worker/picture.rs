@@ -53,8 +53,9 @@ impl Picture {
     #[must_use]
     pub fn of_channel(name: impl Into<String>, renderer: &Renderer, channel: ChannelRef) -> Self {
         let plan = renderer.plan();
-        let ([width, height], whole) = (plan.target_size(Some(channel.target)), plan.whole_size(Some(channel.target)));
-        let image = Image { width, height, pixels: renderer.channel(channel).to_vec() };
+        let image = renderer.channel_image(channel);
+        let reduced = plan.settings.preview.is_some_and(|preview| preview.divisor > 1);
+        let whole = if reduced { plan.whole_size(Some(channel.target)) } else { [image.width, image.height] };
         let content = renderer.content(channel);
         let (shown, components) = match content {
             Content::Color => (shown(&image, plan.display), ["R", "G", "B", "W"]),

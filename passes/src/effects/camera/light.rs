@@ -134,11 +134,14 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         glass.clear();
         panes.clear();
         let blocked = pass.tracer.occluded(&Ray { origin, direction, t_min: 0.0, t_max }, |hit| {
-            match self.kind(hit) {
-                SurfaceKind::Light => return false,
+            let kind = self.kind(hit);
+            if kind == SurfaceKind::Light || !pass.covers(hit) {
+                return false;
+            }
+            match kind {
                 SurfaceKind::Glass if !self.glass_stops => glass.push(hit.t),
                 SurfaceKind::Clear => panes.push(hit.t),
-                _ => return pass.covers(hit),
+                _ => return true,
             }
             false
         });

@@ -16,6 +16,7 @@ use crate::diagnostic::Warnings;
 use glam::{DMat4, DVec3};
 use material::Materials;
 use mesh::{Meshes, Sources};
+use std::collections::HashMap;
 use std::path::Path;
 use xml::{Document, Element, plain};
 
@@ -98,7 +99,10 @@ impl Walk<'_, '_> {
             let node = document.get(index);
             let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
             // Nested instances may expand to far more nodes than the file has bytes.
-            context.take("the nodes", 1, 64)?;
+            // Every visit looks at all children, and reads the numbers of their transforms again.
+            let read = |(_, child): (u32, &Element<'_>)| 1 + child.size_of_numbers::<f64>() / 64;
+            let work: u64 = document.all_children(node).map(read).sum();
+            context.take("the nodes", 8 + work as usize, 8)?;
             if depth > MAX_DEPTH {
                 let what = format!("more than {MAX_DEPTH} nodes lie within each other, or one places itself");
                 return Err(fail(node.wrong(what)));
@@ -174,18 +178,24 @@ impl Walk<'_, '_> {
             return Ok(());
         };
         let technique = instance.and_then(|i| document.descend(i, &["bind_material", "technique_common"]));
-        let bound: Vec<(&str, &str)> = technique
+        let pairs = technique
             .iter()
             .flat_map(|technique| document.children(technique, "instance_material"))
-            .filter_map(|bound| Some((bound.attribute("symbol")?, bound.attribute("target")?)))
-            .collect();
+            .filter_map(|bound| Some((bound.attribute("symbol")?, bound.attribute("target")?)));
+        let (mut bound, mut looked_at) = (HashMap::new(), document.all_children(written).count());
+        for (symbol, target) in pairs {
+            bound.entry(symbol).or_insert(target);
+            looked_at += 1;
+        }
+        // Nested instances may place a geometry far more often than the file has bytes.
+        context.take("the objects", looked_at, 8)?;
         let mut materials = Vec::new();
         for (primitive, element) in document.all_children(written) {
             if mesh::is_drawn(element.name()) {
                 let symbol = element.attribute("material");
                 let target = symbol.map(|symbol| {
                     // Without a material binding the symbol may be the id of a material.
-                    bound.iter().find(|(own, _)| *own == symbol).map_or(symbol, |(_, target)| *target)
+                    bound.get(symbol).copied().unwrap_or(symbol)
                 });
                 materials.push((primitive, self.materials.of(target, document, context, &mut self.warnings)));
             } else if mesh::is_not_drawn(element.name()) {

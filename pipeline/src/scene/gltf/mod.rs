@@ -28,7 +28,7 @@ use glam::{DMat4, Mat4, Quat, Vec2, Vec3, Vec4};
 use material::{Materials, Surface};
 use places::Places;
 use pose::{Pose, Skins};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use vectors::Vectors;
 
@@ -94,9 +94,10 @@ fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> 
 
 /// Counts warnings for contents of an asset that are not drawn.
 fn count_unread(root: &json::Root, file: &Path, warnings: &mut Warnings) {
+    let required: HashSet<&str> = root.extensions_required.iter().map(String::as_str).collect();
     for name in &root.extensions_used {
         // Required extensions were counted already, or refused.
-        if !READ_EXTENSIONS.contains(&name.as_str()) && !root.extensions_required.contains(name) {
+        if !READ_EXTENSIONS.contains(&name.as_str()) && !required.contains(name.as_str()) {
             warnings.add(file, "extensions that are not read", "the asset is drawn without them", || name.clone());
         }
     }

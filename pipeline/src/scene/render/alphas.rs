@@ -2,7 +2,7 @@
 
 use super::super::error::{Budget, SceneError};
 use super::super::{Material, Needs, TextureSource};
-use super::texture::{Cost, cost, pixels, times};
+use super::texture::{Cost, cost, encoded_bytes, pixels, times};
 use image::RgbaImage;
 use std::path::Path;
 
@@ -82,6 +82,9 @@ pub(in crate::scene) fn alphas(
     opacity: u16,
     (file, budget): (&Path, &mut Budget),
 ) -> Result<Option<Alphas>, SceneError> {
+    let encoded = encoded_bytes(source);
+    budget.take(file, &format!("the file {}", source.name()), encoded)?;
+    budget.give_back(encoded);
     let Ok(Cost { texels, working }) = cost(source) else { return Ok(None) };
     let bytes = 4 * texels + working;
     budget.take(file, &format!("the texels of {}", source.name()), bytes)?;

@@ -203,16 +203,17 @@ fn total_size(
     files: &FilesOfObjects,
     budget: &mut Budget,
 ) -> Result<usize, SceneError> {
-    let sizes: Vec<(u64, u64)> = meshes
+    let sizes: Vec<[u64; 3]> = meshes
         .iter()
         .map(|mesh| {
             let triangles = mesh.groups.iter().map(|group| group.triangles.len() as u64).sum();
-            (mesh.positions.len() as u64, triangles)
+            [mesh.positions.len() as u64, triangles, mesh.groups.len() as u64]
         })
         .collect();
-    let (mut vertices, mut triangles) = (0_u64, 0_u64);
+    let (mut vertices, mut triangles, mut groups) = (0_u64, 0_u64, 0_u64);
     for object in objects {
-        let (mesh_vertices, mesh_triangles) = sizes[object.mesh as usize];
+        let [mesh_vertices, mesh_triangles, mesh_groups] = sizes[object.mesh as usize];
+        groups += mesh_groups;
         vertices += mesh_vertices;
         triangles += mesh_triangles;
     }
@@ -229,6 +230,8 @@ fn total_size(
         + if has.tangents { 16 } else { 0 };
     budget.take(file, "the placed vertices", vertices * vertex_size)?;
     budget.take(file, "the placed triangles", triangles * 12)?;
+    // Each group is listed twice while the list is taken apart.
+    budget.take(file, "the placed groups", groups * 2 * size_of::<(Run, Vec<[u32; 3]>)>() as u64)?;
     Ok(vertices as usize)
 }
 

@@ -90,8 +90,13 @@ fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
                 fan.unite_parts();
                 let [first, others @ ..] = &fan.parts[..] else { continue };
                 *normal = first.normal;
-                let others = others.iter().map(|part| (part.normal, fan.corners_of(part)));
-                splits.extend(others.map(|(normal, corners)| Split { vertex: vertex as u32, normal, corners }));
+                if others.is_empty() {
+                    continue;
+                }
+                let begun = splits.len();
+                let split = |part: &FanPart| Split { vertex: vertex as u32, normal: part.normal, corners: Vec::new() };
+                splits.extend(others.iter().map(split));
+                fan.deal(&mut splits[begun..]);
             }
             splits
         })
@@ -267,8 +272,14 @@ impl Fan {
         }
     }
 
-    fn corners_of(&self, part: &FanPart) -> Vec<u64> {
-        self.corners.iter().filter(|corner| corner.parent == part.root).map(|corner| corner.corner).collect()
+    /// Gives the corners of all parts but the first to their splits, which are in the order of the parts.
+    fn deal(&self, splits: &mut [Split]) {
+        for corner in &self.corners {
+            let part = self.parts.binary_search_by_key(&corner.parent, |part| part.root).unwrap_or(0);
+            if let Some(split) = part.checked_sub(1).and_then(|part| splits.get_mut(part)) {
+                split.corners.push(corner.corner);
+            }
+        }
     }
 }
 

@@ -33,11 +33,19 @@ pub(super) fn decode_used(
     budget: &mut Budget,
     warnings: &mut Warnings,
 ) -> Result<Vec<Texture>, SceneError> {
+    drop(files::refused());
     let mut used = vec![false; sources.len()];
     for texture in materials.iter().flat_map(Material::textures) {
         used[texture as usize] = true;
     }
     let cut_out = cut_out(materials, sources.len());
+    // A decoder of JPEG reads a whole file even for its header. Each thread reads one file at a time.
+    let mut encoded: Vec<u64> =
+        sources.iter().zip(&used).filter(|(_, used)| **used).map(|(source, _)| encoded_bytes(source)).collect();
+    encoded.sort_unstable_by_key(|bytes| std::cmp::Reverse(*bytes));
+    let read = encoded.iter().take(rayon::current_num_threads()).sum();
+    budget.take(file, "the files of the textures", read)?;
+    budget.give_back(read);
     // Headers are read first, so that the memory for all textures is known before any is decoded.
     let costs: Vec<Option<Result<Cost, String>>> =
         sources.par_iter().zip(used).map(|(source, used)| used.then(|| cost(source))).collect();
@@ -183,6 +191,16 @@ pub(super) fn cost(source: &TextureSource) -> Result<Cost, String> {
 
 fn cost_of_file(path: &Path) -> Result<Cost, String> {
     cost_of(decoder_and_format(open(path)?, Some(path))?, length(path))
+}
+
+/// Bytes of a source's largest encoded image.
+pub(super) fn encoded_bytes(source: &TextureSource) -> u64 {
+    match source.texels().0 {
+        TextureSource::File(path) => length(path),
+        TextureSource::Masked { color, mask } => length(color).max(length(mask)),
+        TextureSource::Embedded { bytes, .. } => bytes.len() as u64,
+        _ => 0,
+    }
 }
 
 fn length(path: &Path) -> u64 {
