@@ -232,6 +232,6 @@ mod tests {
             assert!(recorder.occluded(&ray, |_| true), "{factor}");
             assert!(!recorder.occluded(&Ray { t_max: 2.5 / f32::from(factor), ..ray }, |_| true), "{factor}");
         }
-        assert!(rounded_down > 5, "{rounded_down}");
+        assert!(rounded_down > 0, "no distance is rounded down");
     }
 }
