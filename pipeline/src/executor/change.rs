@@ -418,7 +418,7 @@ impl Renderer {
         cleared.dedup();
         for target in cleared {
             let buffer = self.buffer(target);
-            buffer.color.fill(if target.is_none() { [0.0, 0.0, 0.0, 1.0] } else { [0.0; 4] });
+            buffer.color.fill(prepare::undrawn(target));
             buffer.position.fill([0.0; 4]);
             buffer.normal.fill([0.0; 4]);
             buffer.triangle.fill(NO_TRIANGLE);

@@ -555,11 +555,10 @@ impl Renderer {
         // What an own shader discards shows no earlier frame or sample.
         let starts_over = !self.plan.access(planned).reads.contains(&(target, 0));
         if shader.is_some() && writes_color && starts_over {
-            let cleared = if target.is_none() { [0.0, 0.0, 0.0, 1.0] } else { [0.0; 4] };
             let (left, right) = (viewport.x as usize, (viewport.x + viewport.width) as usize);
             let rows = buffer.color.chunks_exact_mut((width as usize).max(1));
             let seen = rows.skip(viewport.y as usize).take(viewport.height as usize);
-            seen.for_each(|row| row[left..right].fill(cleared));
+            seen.for_each(|row| row[left..right].fill(prepare::undrawn(target)));
         }
         let filled = shader
             .map_or(Ok(()), |shader| self.fill_quad((&shader, planned.pass, writes_color), viewport, &mut buffer));

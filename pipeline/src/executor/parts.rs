@@ -72,9 +72,7 @@ impl Renderer {
 
     /// A copy of a rectangle of the picture, from the window.
     pub(super) fn picture(&self, rectangle: Rect) -> Result<Image, Refused> {
-        let mut pixels = memory::with_capacity(rectangle.width as usize * rectangle.height as usize)?;
-        self.copy_rows(rectangle, &mut pixels);
-        Ok(Image { width: rectangle.width, height: rectangle.height, pixels })
+        cut(self.window.held(), &self.window.color, rectangle)
     }
 
     /// Appends a rectangle of the picture, from the window, to `pixels`.
@@ -101,8 +99,15 @@ impl Renderer {
     }
 }
 
+/// A copy of a rectangle of the picture. `channel` holds the pixels of `held`, which contains the rectangle.
+pub(super) fn cut(held: Rect, channel: &[[f32; 4]], rectangle: Rect) -> Result<Image, Refused> {
+    let mut pixels = memory::with_capacity(rectangle.width as usize * rectangle.height as usize)?;
+    append(held, channel, rectangle, &mut pixels);
+    Ok(Image { width: rectangle.width, height: rectangle.height, pixels })
+}
+
 /// Appends a rectangle of the picture to `pixels`. `channel` holds the pixels of `held`, which contains the rectangle.
-pub(super) fn append(held: Rect, channel: &[[f32; 4]], rectangle: Rect, pixels: &mut Vec<[f32; 4]>) {
+fn append(held: Rect, channel: &[[f32; 4]], rectangle: Rect, pixels: &mut Vec<[f32; 4]>) {
     let (left, top) = ((rectangle.x - held.x) as usize, (rectangle.y - held.y) as usize);
     let rows = channel.chunks_exact((held.width as usize).max(1)).skip(top).take(rectangle.height as usize);
     for row in rows {

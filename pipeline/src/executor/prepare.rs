@@ -18,10 +18,15 @@ use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The window before the first frame: opaque black.
+/// The colour where nothing is drawn: opaque black in the window (`None`), 0 in a target.
+pub(super) fn undrawn(target: Option<usize>) -> [f32; 4] {
+    if target.is_none() { [0.0, 0.0, 0.0, 1.0] } else { [0.0; 4] }
+}
+
+/// The window before the first frame.
 pub(super) fn window([width, height]: [u32; 2]) -> Result<GBuffer, Refused> {
     let mut window = GBuffer::try_new(width, height, Attachments { color: true, ..Attachments::default() })?;
-    window.color.fill([0.0, 0.0, 0.0, 1.0]);
+    window.color.fill(undrawn(None));
     Ok(window)
 }
 

@@ -1,6 +1,6 @@
 //! Writing rendered pictures to files.
 
-use super::parts::{Told, append};
+use super::parts::{Told, cut};
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::Rect;
 use crate::image::{
@@ -8,7 +8,7 @@ use crate::image::{
     write_png_rows,
 };
 use crate::image::{DisplayRows, write_codes, write_displayed};
-use crate::memory::{self, Refused};
+use crate::memory::Refused;
 use crate::project::ChannelRef;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -134,17 +134,19 @@ impl Renderer {
     /// Takes the pixels of a channel (`None`: of the window) for writing: the buffer itself if all of it is written, otherwise a copy of
     /// the crop. Targets of another size than the window are written whole.
     fn lend(&mut self, channel: Option<ChannelRef>) -> Result<Image, Refused> {
-        let (whole, written) = (self.plan.window, self.plan.parts.list[self.part].written);
-        let in_parts = self.plan.in_parts();
-        let (buffer, pixels) = self.pixels_mut(channel);
-        let (width, height) = (buffer.width, buffer.height);
-        let of_window = in_parts || [width, height] == whole;
-        if !of_window || written == buffer {
-            return Ok(Image { width, height, pixels: std::mem::take(pixels) });
+        let held = self.pixels_mut(channel).0;
+        let written = self.written_of(held);
+        let (_, pixels) = self.pixels_mut(channel);
+        if written == held {
+            return Ok(Image { width: held.width, height: held.height, pixels: std::mem::take(pixels) });
         }
-        let mut cut = memory::with_capacity(written.width as usize * written.height as usize)?;
-        append(buffer, pixels, written, &mut cut);
-        Ok(Image { width: written.width, height: written.height, pixels: cut })
+        cut(held, pixels, written)
+    }
+
+    /// The part that is written of the rectangle that a target, or the window, holds.
+    fn written_of(&self, held: Rect) -> Rect {
+        let of_window = self.plan.in_parts() || [held.width, held.height] == self.plan.window;
+        if of_window { self.plan.parts.list[self.part].written } else { held }
     }
 
     /// A copy of the part of a channel that [`Self::save`] writes.
@@ -153,13 +155,8 @@ impl Renderer {
     /// If there is no memory for it.
     #[must_use]
     pub fn channel_image(&self, channel: ChannelRef) -> Image {
-        let buffer = &self.targets[channel.target];
-        let of_window = self.plan.in_parts() || [buffer.width, buffer.height] == self.plan.window;
-        let part = if of_window { self.plan.parts.list[self.part].written } else { buffer.held() };
-        let pixels = part.width as usize * part.height as usize;
-        let mut cut = memory::with_capacity(pixels).unwrap_or_else(|error| panic!("{error}"));
-        append(buffer.held(), self.channel(channel), part, &mut cut);
-        Image { width: part.width, height: part.height, pixels: cut }
+        let held = self.targets[channel.target].held();
+        cut(held, self.channel(channel), self.written_of(held)).unwrap_or_else(|error| panic!("{error}"))
     }
 
     /// Gives a buffer that [`Self::lend`] took back to its target.
