@@ -4,12 +4,8 @@
 // The place in the tables of the photons (`photons.rs` of this backend).
 fn photons_at() -> u32 { return tables[params.bodies_at + HEAD_PHOTONS]; }
 
-// The cell of a point that is given in cells. Beyond the range of integers it is the nearest integer, as on the processor.
-fn cell_of(point: vec3f) -> vec3u {
-    let whole = floor(point);
-    let cell = bitcast<vec3u>(vec3i(clamp(whole, vec3f(-2147483648.0), vec3f(2147483520.0))));
-    return select(cell, vec3u(0x7fffffffu), whole >= vec3f(2147483648.0));
-}
+// The cell of a point that is given in cells. Cells are so wide that their numbers are below 2^21 (`cells_a_unit` in `photon_map.rs`).
+fn cell_of(point: vec3f) -> vec3u { return bitcast<vec3u>(vec3i(floor(point))); }
 // The entry of a cell in a table whose length is a power of two.
 fn entry_of(cell: vec3u, entries: u32) -> u32 {
     let mixed = (cell.x * 73856093u) ^ (cell.y * 19349663u) ^ (cell.z * 83492791u);
